@@ -1,0 +1,1 @@
+//! The simulated laboratory: granite, vehicles, links, cameras, gyro, valves

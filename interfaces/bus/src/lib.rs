@@ -1,0 +1,1 @@
+//! Topics, rates, deadlines and the loop that runs a service

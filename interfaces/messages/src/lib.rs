@@ -1,0 +1,1 @@
+//! Plain samples that processes share, and their schemas

@@ -1,0 +1,1 @@
+//! MCAP logs and measured experiments, written and read

@@ -1,0 +1,1 @@
+//! Calibration, misfit, causes and extended models

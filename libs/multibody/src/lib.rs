@@ -1,0 +1,1 @@
+//! n-link planar floating-base kinematics and dynamics

@@ -1,0 +1,1 @@
+//! Arm controller: joint, Cartesian and zero-reaction motion

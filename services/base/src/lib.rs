@@ -1,0 +1,1 @@
+//! Base controller: guidance, thruster allocation and modulation

@@ -1,0 +1,1 @@
+//! Sensor fusion: VICON and gyro to the navigation state

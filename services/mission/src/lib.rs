@@ -1,0 +1,1 @@
+//! Mission sequencer: phases, their goals and when they end

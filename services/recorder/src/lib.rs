@@ -1,0 +1,1 @@
+//! Records every topic to MCAP

@@ -1,0 +1,1 @@
+//! Owns the valves: applies commands, shuts them when commands stop
