@@ -1,1 +1,30 @@
-//! Topics, rates, deadlines and the loop that runs a service
+//! Topics, rates, deadlines and the loop that runs a service.
+//!
+//! A [`Service`] is a pure step: it reads its input ports, writes its output ports, and knows neither clock, socket nor
+//! shared memory. The bus runs the same core in three ways:
+//!
+//! - **as a process**, in real time ([`process::run`]): an absolute-time loop at the rate of the launch file, with ports in
+//!   shared memory ([`Bus::shared`]);
+//! - **in one process**, as fast as the machine allows ([`virtual_time::Stack`]): the same rates on a virtual clock, with
+//!   ports in local memory ([`Bus::local`]);
+//! - **again**, from a log, with the same local ports.
+//!
+//! Devices stand outside: their threads hand over decoded messages through bounded lock-free queues, which a service
+//! sees as a [`Feed`] (in) or a [`DeviceOutput`] (out).
+
+mod bus;
+mod error;
+pub mod health;
+mod local;
+mod port;
+mod runner;
+mod shared;
+mod time;
+pub mod virtual_time;
+
+pub use bus::{Bus, Queue};
+pub use error::BusError;
+pub use port::{Batch, DeviceOutput, Feed, InputPort, InputPorts, Latest, Output, OutputPort, OutputPorts};
+pub use runner::{Runner, Service};
+pub use shared::{SharedConfig, remove_dead_nodes};
+pub use time::Time;

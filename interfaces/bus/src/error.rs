@@ -1,0 +1,35 @@
+//! What can go wrong with the bus.
+
+/// Why a port could not be opened or a loop not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// Shared memory refused a node.
+    #[error("cannot join the shared-memory bus as '{node}': {reason}")]
+    Node {
+        /// The node's name.
+        node: String,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+    /// A topic could not be opened, mostly because another build with another layout of its sample runs.
+    #[error("cannot open topic '{topic}' ({sample}): {reason}; do all processes of the stack come from one build?")]
+    Topic {
+        /// The topic's full name.
+        topic: String,
+        /// The sample's name.
+        sample: &'static str,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+    /// One device queue was opened with two types.
+    #[error("the device queue '{0}' is opened with two different message types")]
+    Queue(String),
+    /// The operating system refused something that the loop cannot do without.
+    #[error("{what}: {source}")]
+    System {
+        /// What was tried.
+        what: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}

@@ -1,0 +1,362 @@
+//! Ports: what a service sees of topics and devices.
+
+use crate::local::{LocalPublisher, LocalSubscriber};
+use crate::shared::SharedSample;
+use crate::{Bus, BusError, Queue, Time};
+use fss_messages::topic::Topic;
+use fss_messages::{Header, Sample};
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::ipc;
+
+/// Where samples come from.
+pub(crate) enum Source<T: Sample> {
+    Local(LocalSubscriber<T>),
+    Shared(Subscriber<ipc::Service, T, ()>),
+}
+
+/// A sample in hand: its own copy, or borrowed from shared memory.
+enum Held<T: Sample> {
+    Own(T),
+    Borrowed(SharedSample<T>),
+}
+
+impl<T: Sample> Held<T> {
+    fn get(&self) -> &T {
+        match self {
+            Self::Own(sample) => sample,
+            Self::Borrowed(sample) => sample.payload(),
+        }
+    }
+}
+
+impl<T: Sample> Source<T> {
+    fn receive(&self) -> Option<Held<T>> {
+        match self {
+            Self::Local(subscriber) => subscriber.receive().map(Held::Own),
+            // A connection that broke because the publisher died is no sample; age tells the service.
+            Self::Shared(subscriber) => subscriber.receive().ok().flatten().map(Held::Borrowed),
+        }
+    }
+}
+
+/// Where samples go to.
+pub(crate) enum Sink<T: Sample> {
+    Local(LocalPublisher<T>),
+    Shared(Publisher<ipc::Service, T, ()>),
+}
+
+impl<T: Sample> Sink<T> {
+    /// Whether it was sent.
+    fn send(&self, sample: T) -> bool {
+        match self {
+            Self::Local(publisher) => {
+                publisher.send(sample);
+                true
+            }
+            Self::Shared(publisher) => match publisher.loan_uninit() {
+                Ok(loan) => loan.write_payload(sample).send().is_ok(),
+                Err(_) => false,
+            },
+        }
+    }
+}
+
+/// An input of a service: a topic or a device.
+pub trait InputPort: Sized {
+    /// What names it: a topic, or a device queue's name.
+    type Address;
+    /// Opens it.
+    ///
+    /// # Errors
+    /// Where the bus refuses.
+    fn open(bus: &Bus, address: Self::Address) -> Result<Self, BusError>;
+    /// Takes what has come since the last step.
+    fn refresh(&mut self);
+    /// Age of the newest sample by its stamp, ns; `u64::MAX` where nothing was ever received.
+    fn age_ns(&self, now: Time) -> u64;
+}
+
+/// The newest sample of a topic; it stays until a newer one comes, so look at its age.
+pub struct Latest<T: Sample> {
+    source: Source<T>,
+    held: Option<Held<T>>,
+    fresh: bool,
+}
+
+impl<T: Sample> Latest<T> {
+    /// The newest sample, however old.
+    pub fn get(&self) -> Option<&T> {
+        self.held.as_ref().map(Held::get)
+    }
+
+    /// The newest sample if it is not older than `max_age_ns` by its stamp.
+    pub fn within(&self, now: Time, max_age_ns: u64) -> Option<&T> {
+        self.get().filter(|sample| now.age_ns(sample.header().stamp_ns) <= max_age_ns)
+    }
+
+    /// The newest sample if it came since the last step.
+    pub fn fresh(&self) -> Option<&T> {
+        if self.fresh { self.get() } else { None }
+    }
+}
+
+impl<T: Sample> InputPort for Latest<T> {
+    type Address = Topic<T>;
+
+    fn open(bus: &Bus, topic: Topic<T>) -> Result<Self, BusError> {
+        Ok(Self { source: bus.source(topic, 2)?, held: None, fresh: false })
+    }
+
+    fn refresh(&mut self) {
+        self.fresh = false;
+        while let Some(sample) = self.source.receive() {
+            self.held = Some(sample);
+            self.fresh = true;
+        }
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        self.get().map_or(u64::MAX, |sample| now.age_ns(sample.header().stamp_ns))
+    }
+}
+
+/// All samples of a topic that came since the last step, oldest first.
+pub struct Batch<T: Sample> {
+    source: Source<T>,
+    samples: Vec<T>,
+    newest_ns: Option<u64>,
+}
+
+impl<T: Sample> Batch<T> {
+    /// How many samples the buffer holds between two steps.
+    const CAPACITY: usize = crate::shared::MAX_BUFFER;
+
+    /// The samples that came since the last step.
+    pub fn samples(&self) -> &[T] {
+        &self.samples
+    }
+}
+
+impl<T: Sample> InputPort for Batch<T> {
+    type Address = Topic<T>;
+
+    fn open(bus: &Bus, topic: Topic<T>) -> Result<Self, BusError> {
+        let samples = Vec::with_capacity(Self::CAPACITY);
+        Ok(Self { source: bus.source(topic, Self::CAPACITY)?, samples, newest_ns: None })
+    }
+
+    fn refresh(&mut self) {
+        self.samples.clear();
+        while self.samples.len() < Self::CAPACITY
+            && let Some(sample) = self.source.receive()
+        {
+            self.samples.push(*sample.get());
+        }
+        self.newest_ns = self.samples.last().map_or(self.newest_ns, |sample| Some(sample.header().stamp_ns));
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        self.newest_ns.map_or(u64::MAX, |stamp| now.age_ns(stamp))
+    }
+}
+
+/// Messages from a device's thread that came since the last step, oldest first.
+pub struct Feed<T: Send + 'static> {
+    queue: Queue<T>,
+    messages: Vec<T>,
+}
+
+impl<T: Send + 'static> Feed<T> {
+    /// How many messages may wait between two steps.
+    pub const CAPACITY: usize = 64;
+
+    /// The messages that came since the last step.
+    pub fn messages(&self) -> &[T] {
+        &self.messages
+    }
+}
+
+impl<T: Send + 'static> InputPort for Feed<T> {
+    type Address = &'static str;
+
+    fn open(bus: &Bus, name: &'static str) -> Result<Self, BusError> {
+        Ok(Self { queue: bus.queue(name, Self::CAPACITY)?, messages: Vec::with_capacity(Self::CAPACITY) })
+    }
+
+    fn refresh(&mut self) {
+        self.messages.clear();
+        while self.messages.len() < Self::CAPACITY
+            && let Some(message) = self.queue.pop()
+        {
+            self.messages.push(message);
+        }
+    }
+
+    fn age_ns(&self, _now: Time) -> u64 {
+        0
+    }
+}
+
+/// An output of a service: a topic or a device.
+pub trait OutputPort: Sized {
+    /// What names it: a topic, or a device queue's name.
+    type Address;
+    /// Opens it.
+    ///
+    /// # Errors
+    /// Where the bus refuses.
+    fn open(bus: &Bus, address: Self::Address) -> Result<Self, BusError>;
+    /// Sends what the step has published; returns how many samples could not be sent.
+    fn flush(&mut self, now: Time) -> u64;
+}
+
+/// Publishes to a topic. What a step publishes is sent when the step has ended.
+pub struct Output<T: Sample> {
+    sink: Sink<T>,
+    staged: Vec<T>,
+    sequence: u64,
+    dropped: u64,
+}
+
+impl<T: Sample> Output<T> {
+    /// How many samples one step may publish.
+    pub const CAPACITY: usize = 64;
+
+    /// Publishes a sample; the port sets its sequence and time of publication, the caller its stamp.
+    pub fn publish(&mut self, sample: T) {
+        if self.staged.len() < Self::CAPACITY {
+            self.staged.push(sample);
+        } else {
+            self.dropped += 1;
+        }
+    }
+
+    /// What this step has published so far.
+    pub fn staged(&self) -> &[T] {
+        &self.staged
+    }
+}
+
+impl<T: Sample> OutputPort for Output<T> {
+    type Address = Topic<T>;
+
+    fn open(bus: &Bus, topic: Topic<T>) -> Result<Self, BusError> {
+        Ok(Self { sink: bus.sink(topic)?, staged: Vec::with_capacity(Self::CAPACITY), sequence: 0, dropped: 0 })
+    }
+
+    fn flush(&mut self, now: Time) -> u64 {
+        let mut dropped = std::mem::take(&mut self.dropped);
+        for mut sample in self.staged.drain(..) {
+            self.sequence += 1;
+            let stamp_ns = sample.header().stamp_ns;
+            sample.set_header(Header { sequence: self.sequence, stamp_ns, published_ns: now.ns() });
+            dropped += u64::from(!self.sink.send(sample));
+        }
+        dropped
+    }
+}
+
+/// Messages to a device's thread.
+pub struct DeviceOutput<T: Send + 'static> {
+    queue: Queue<T>,
+    dropped: u64,
+}
+
+impl<T: Send + 'static> DeviceOutput<T> {
+    /// Hands the message to the device's thread; a full queue loses its oldest message.
+    pub fn send(&mut self, message: T) {
+        self.dropped += u64::from(self.queue.force_push(message).is_some());
+    }
+}
+
+impl<T: Send + 'static> OutputPort for DeviceOutput<T> {
+    type Address = &'static str;
+
+    fn open(bus: &Bus, name: &'static str) -> Result<Self, BusError> {
+        Ok(Self { queue: bus.queue(name, Feed::<T>::CAPACITY)?, dropped: 0 })
+    }
+
+    fn flush(&mut self, _now: Time) -> u64 {
+        std::mem::take(&mut self.dropped)
+    }
+}
+
+/// All inputs of a service; made by [`inputs!`](crate::inputs).
+pub trait InputPorts: Sized {
+    /// The ports' names, in order.
+    const NAMES: &'static [&'static str];
+    /// Opens all.
+    ///
+    /// # Errors
+    /// Where the bus refuses one.
+    fn open(bus: &Bus) -> Result<Self, BusError>;
+    /// Takes what has come since the last step.
+    fn refresh(&mut self);
+    /// The ages of the ports' newest samples, ns.
+    fn ages_ns(&self, now: Time, ages: &mut [u64]);
+}
+
+/// All outputs of a service; made by [`outputs!`](crate::outputs).
+pub trait OutputPorts: Sized {
+    /// Opens all.
+    ///
+    /// # Errors
+    /// Where the bus refuses one.
+    fn open(bus: &Bus) -> Result<Self, BusError>;
+    /// Sends what the step has published; returns how many samples could not be sent.
+    fn flush(&mut self, now: Time) -> u64;
+}
+
+/// Defines a service's inputs: `inputs! { /// Doc. pub struct Inputs { nav: Latest<NavState> = topic::NAV_STATE, } }`.
+#[macro_export]
+macro_rules! inputs {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident {
+        $( $(#[$field_meta:meta])* $field:ident: $port:ty = $address:expr ),* $(,)?
+    }) => {
+        $(#[$meta])*
+        $vis struct $name { $( $(#[$field_meta])* pub $field: $port, )* }
+
+        impl $crate::InputPorts for $name {
+            const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
+
+            fn open(bus: &$crate::Bus) -> Result<Self, $crate::BusError> {
+                Ok(Self { $( $field: <$port as $crate::InputPort>::open(bus, $address)?, )* })
+            }
+
+            fn refresh(&mut self) {
+                $( $crate::InputPort::refresh(&mut self.$field); )*
+            }
+
+            fn ages_ns(&self, now: $crate::Time, ages: &mut [u64]) {
+                let all = [$( $crate::InputPort::age_ns(&self.$field, now) ),*];
+                for (slot, age) in ages.iter_mut().zip(all) {
+                    *slot = age;
+                }
+            }
+        }
+    };
+}
+
+/// Defines a service's outputs: `outputs! { /// Doc. pub struct Outputs { nav: Output<NavState> = topic::NAV_STATE, } }`.
+#[macro_export]
+macro_rules! outputs {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident {
+        $( $(#[$field_meta:meta])* $field:ident: $port:ty = $address:expr ),* $(,)?
+    }) => {
+        $(#[$meta])*
+        $vis struct $name { $( $(#[$field_meta])* pub $field: $port, )* }
+
+        impl $crate::OutputPorts for $name {
+            fn open(bus: &$crate::Bus) -> Result<Self, $crate::BusError> {
+                Ok(Self { $( $field: <$port as $crate::OutputPort>::open(bus, $address)?, )* })
+            }
+
+            fn flush(&mut self, now: $crate::Time) -> u64 {
+                let mut dropped = 0;
+                $( dropped += $crate::OutputPort::flush(&mut self.$field, now); )*
+                dropped
+            }
+        }
+    };
+}

@@ -1,0 +1,47 @@
+//! A service with its ports: what all three ways to run it share.
+
+use crate::{Bus, BusError, InputPorts, OutputPorts, Time};
+
+/// A pure step: no clock, no socket, no shared memory, no allocation in `step`.
+pub trait Service {
+    /// What it reads.
+    type Inputs: InputPorts;
+    /// What it writes.
+    type Outputs: OutputPorts;
+    /// Its name in launch files, health and events.
+    const NAME: &'static str;
+
+    /// One step at `now`.
+    fn step(&mut self, now: Time, inputs: &Self::Inputs, outputs: &mut Self::Outputs);
+}
+
+/// A service and its open ports.
+pub struct Runner<S: Service> {
+    /// The core.
+    pub service: S,
+    /// Its inputs, as of the last step.
+    pub inputs: S::Inputs,
+    /// Its outputs.
+    pub outputs: S::Outputs,
+}
+
+impl<S: Service> Runner<S> {
+    /// Opens the service's ports.
+    ///
+    /// # Errors
+    /// Where the bus refuses one.
+    pub fn new(service: S, bus: &Bus) -> Result<Self, BusError> {
+        Ok(Self { service, inputs: S::Inputs::open(bus)?, outputs: S::Outputs::open(bus)? })
+    }
+
+    /// Takes new inputs and steps at `now`; what it published waits for [`Self::flush`].
+    pub fn step(&mut self, now: Time) {
+        self.inputs.refresh();
+        self.service.step(now, &self.inputs, &mut self.outputs);
+    }
+
+    /// Sends what was published, at `now`; returns how many samples could not be sent.
+    pub fn flush(&mut self, now: Time) -> u64 {
+        self.outputs.flush(now)
+    }
+}

@@ -1,0 +1,114 @@
+//! Topics in shared memory, through iceoryx2.
+//!
+//! State goes by publish/subscribe with a small overflowing buffer: a stalled or dead reader never blocks a writer. Each
+//! stack has a prefix of its own for everything that iceoryx2 makes, so that stacks, tests and users do not meet.
+
+use crate::BusError;
+use fss_messages::Sample;
+use iceoryx2::node::Node;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::*;
+
+/// A sample borrowed from shared memory.
+pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
+
+/// The most processes, publishers and subscribers of one topic.
+const MAX_PARTICIPANTS: usize = 20;
+/// The deepest buffer that a subscriber may ask for (the recorder's).
+pub(crate) const MAX_BUFFER: usize = 1024;
+
+/// How a process joins a stack's shared memory.
+#[derive(Clone, Debug)]
+pub struct SharedConfig {
+    /// The process's name, for diagnosis.
+    pub node: String,
+    /// Prefix of everything the stack makes in shared memory: letters, digits and underscores.
+    pub prefix: String,
+}
+
+/// One process's access to the stack's shared memory.
+pub(crate) struct SharedTopics {
+    node: Node<ipc::Service>,
+}
+
+impl SharedTopics {
+    pub(crate) fn join(config: &SharedConfig) -> Result<Self, BusError> {
+        let refused = |reason: String| BusError::Node { node: config.node.clone(), reason };
+        let iox = iox_config(&config.prefix).map_err(refused)?;
+        let name = NodeName::new(&config.node).map_err(|e| refused(format!("{e:?}")))?;
+        set_log_level(LogLevel::Fatal);
+        let node = NodeBuilder::new()
+            .name(&name)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .config(&iox)
+            .create::<ipc::Service>()
+            .map_err(|e| refused(format!("{e:?}")))?;
+        Ok(Self { node })
+    }
+
+    pub(crate) fn subscribe<T: Sample>(
+        &self,
+        name: &str,
+        capacity: usize,
+    ) -> Result<Subscriber<ipc::Service, T, ()>, BusError> {
+        let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
+        self.service::<T>(name)?
+            .subscriber_builder()
+            .buffer_size(capacity.min(MAX_BUFFER))
+            .create()
+            .map_err(|e| refused(format!("{e:?}")))
+    }
+
+    pub(crate) fn publisher<T: Sample>(&self, name: &str) -> Result<Publisher<ipc::Service, T, ()>, BusError> {
+        let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
+        self.service::<T>(name)?.publisher_builder().create().map_err(|e| refused(format!("{e:?}")))
+    }
+
+    fn service<T: Sample>(
+        &self,
+        name: &str,
+    ) -> Result<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>, BusError> {
+        let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
+        let service_name = ServiceName::new(name).map_err(|e| refused(format!("{e:?}")))?;
+        self.node
+            .service_builder(&service_name)
+            .publish_subscribe::<T>()
+            .enable_safe_overflow(true)
+            .history_size(1)
+            .subscriber_max_buffer_size(MAX_BUFFER)
+            .subscriber_max_borrowed_samples(4)
+            .max_publishers(MAX_PARTICIPANTS)
+            .max_subscribers(MAX_PARTICIPANTS)
+            .max_nodes(2 * MAX_PARTICIPANTS)
+            .open_or_create()
+            .map_err(|e| refused(format!("{e:?}")))
+    }
+}
+
+fn iox_config(prefix: &str) -> Result<Config, String> {
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|e| format!("bad prefix '{prefix}': {e:?}"))?;
+    Ok(config)
+}
+
+/// Removes what dead processes of this stack left in shared memory, and says how many dead nodes there were.
+///
+/// # Errors
+/// Where the list of nodes cannot be read.
+pub fn remove_dead_nodes(prefix: &str) -> Result<usize, BusError> {
+    let refused = |reason: String| BusError::Node { node: "cleanup".to_owned(), reason };
+    set_log_level(LogLevel::Fatal);
+    let config = iox_config(prefix).map_err(refused)?;
+    let mut removed = 0;
+    Node::<ipc::Service>::list(&config, |state| {
+        if let NodeState::Dead(view) = state
+            && view.try_remove_stale_resources().is_ok()
+        {
+            removed += 1;
+        }
+        CallbackProgression::Continue
+    })
+    .map_err(|e| refused(format!("{e:?}")))?;
+    Ok(removed)
+}

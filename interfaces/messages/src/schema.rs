@@ -1,0 +1,330 @@
+//! What a sample says about itself: fields, constants, ROS 2 definition, layout hash.
+
+use iceoryx2::prelude::ZeroCopySend;
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+/// The first three fields of every sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Header {
+    /// Counts the samples of one publisher from 1; a gap is a loss. The publisher's port sets it.
+    pub sequence: u64,
+    /// Time of measurement, ns on the monotonic clock.
+    pub stamp_ns: u64,
+    /// Time of publication, ns on the monotonic clock. The publisher's port sets it.
+    pub published_ns: u64,
+}
+
+/// A primitive of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Scalar {
+    U8,
+    U16,
+    U32,
+    U64,
+    I64,
+    F64,
+}
+
+impl Scalar {
+    /// Size and alignment in bytes.
+    pub const fn size(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::U32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
+    /// The name in a ROS 2 message definition.
+    pub const fn ros_name(self) -> &'static str {
+        match self {
+            Self::U8 => "uint8",
+            Self::U16 => "uint16",
+            Self::U32 => "uint32",
+            Self::U64 => "uint64",
+            Self::I64 => "int64",
+            Self::F64 => "float64",
+        }
+    }
+}
+
+/// A Rust type that may be a field of a sample.
+pub trait FieldType {
+    /// The primitive.
+    const SCALAR: Scalar;
+    /// How many of them; `None` for a single one.
+    const COUNT: Option<usize>;
+}
+
+macro_rules! field_types {
+    ($($rust:ty => $scalar:ident),*) => {$(
+        impl FieldType for $rust {
+            const SCALAR: Scalar = Scalar::$scalar;
+            const COUNT: Option<usize> = None;
+        }
+        impl<const N: usize> FieldType for [$rust; N] {
+            const SCALAR: Scalar = Scalar::$scalar;
+            const COUNT: Option<usize> = Some(N);
+        }
+    )*};
+}
+field_types!(u8 => U8, u16 => U16, u32 => U32, u64 => U64, i64 => I64, f64 => F64);
+
+/// One field of a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// Its name, with the unit where it has one.
+    pub name: &'static str,
+    /// What it means, frames and all.
+    pub doc: &'static str,
+    /// The primitive.
+    pub scalar: Scalar,
+    /// How many of them; `None` for a single one.
+    pub count: Option<usize>,
+    /// Where it starts in the sample, bytes.
+    pub offset: usize,
+}
+
+/// A named value of a sample's `u8` field.
+#[derive(Clone, Copy, Debug)]
+pub struct Constant {
+    /// Upper-case name.
+    pub name: &'static str,
+    /// Its value.
+    pub value: u8,
+    /// What it means.
+    pub doc: &'static str,
+}
+
+/// A plain sample: see the crate's documentation for the rules that its layout obeys.
+pub trait Sample:
+    Copy + core::fmt::Debug + PartialEq + IntoBytes + FromBytes + Immutable + KnownLayout + ZeroCopySend + Send + 'static
+{
+    /// The message's name, without its package.
+    const NAME: &'static str;
+    /// What the sample is.
+    const DOC: &'static str;
+    /// Its fields in order, the header's first.
+    const FIELDS: &'static [Field];
+    /// Its named values.
+    const CONSTANTS: &'static [Constant];
+    /// FNV-1a hash of name, field names and types.
+    const HASH: u64;
+
+    /// The first three fields.
+    fn header(&self) -> Header;
+    /// Sets the first three fields.
+    fn set_header(&mut self, header: Header);
+
+    /// A sample of zeros.
+    fn zeroed() -> Self {
+        Self::new_zeroed()
+    }
+
+    /// The ROS 2 message definition (`.msg` text) with units and meaning as comments.
+    fn definition() -> String {
+        use core::fmt::Write;
+        let mut msg = String::new();
+        let mut line = |text: core::fmt::Arguments| {
+            let _ = writeln!(msg, "{text}");
+        };
+        line(format_args!("# {}", Self::DOC));
+        for c in Self::CONSTANTS {
+            line(format_args!("uint8 {}={} # {}", c.name, c.value, c.doc));
+        }
+        for f in Self::FIELDS {
+            let array = f.count.map_or(String::new(), |n| format!("[{n}]"));
+            line(format_args!("{}{array} {} # {}", f.scalar.ros_name(), f.name, f.doc));
+        }
+        msg
+    }
+}
+
+/// FNV-1a over `bytes`, from `hash`.
+pub(crate) const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0100_0000_01b3);
+        i += 1;
+    }
+    hash
+}
+
+/// Hash of a sample's name and fields: two layouts that differ in a name, a type, a count or an order differ in it.
+pub(crate) const fn layout_hash(name: &str, fields: &[Field]) -> u64 {
+    let mut hash = fnv1a(0xcbf2_9ce4_8422_2325, name.as_bytes());
+    let mut i = 0;
+    while i < fields.len() {
+        let f = &fields[i];
+        hash = fnv1a(hash, f.name.as_bytes());
+        hash = fnv1a(hash, f.scalar.ros_name().as_bytes());
+        let count = match f.count {
+            Some(n) => n as u64,
+            None => 0,
+        };
+        hash = fnv1a(hash, &count.to_le_bytes());
+        i += 1;
+    }
+    hash
+}
+
+/// Whether each field starts where XCDR1 puts it and the sample ends with its last field.
+pub(crate) const fn is_cdr_layout(fields: &[Field], size: usize) -> bool {
+    let mut end: usize = 0;
+    let mut i = 0;
+    while i < fields.len() {
+        let f = &fields[i];
+        let align = f.scalar.size();
+        let start = end.next_multiple_of(align);
+        if start != end || f.offset != start {
+            return false;
+        }
+        end = start
+            + align
+                * match f.count {
+                    Some(n) => n,
+                    None => 1,
+                };
+        i += 1;
+    }
+    end == size
+}
+
+/// `"fss_msgs/NAME@HASH"` as bytes, for the name under which a type travels through shared memory.
+pub(crate) const fn type_name_bytes<const N: usize>(name: &str, hash: u64) -> [u8; N] {
+    let mut out = [0; N];
+    let mut n = 0;
+    let parts: [&[u8]; 3] = [b"fss_msgs/", name.as_bytes(), b"@"];
+    let mut p = 0;
+    while p < parts.len() {
+        let mut i = 0;
+        while i < parts[p].len() {
+            out[n] = parts[p][i];
+            n += 1;
+            i += 1;
+        }
+        p += 1;
+    }
+    let mut shift = 64;
+    while shift > 0 {
+        shift -= 4;
+        out[n] = b"0123456789abcdef"[(hash >> shift) as usize & 15];
+        n += 1;
+    }
+    out
+}
+
+/// Defines samples: struct, layout assertions, schema and hash from one text.
+macro_rules! samples {
+    ($(
+        #[doc = $doc:literal]
+        $name:ident {
+            $( consts { $( #[doc = $cdoc:literal] $cname:ident = $cvalue:literal; )* } )?
+            $( #[doc = $fdoc:literal] $field:ident: $ty:ty, )*
+        }
+    )*) => {
+        $(
+            #[doc = $doc]
+            #[repr(C)]
+            #[derive(Clone, Copy, Debug, PartialEq, zerocopy::IntoBytes, zerocopy::FromBytes, zerocopy::Immutable, zerocopy::KnownLayout)]
+            pub struct $name {
+                /// Counts the samples of one publisher from 1.
+                pub sequence: u64,
+                /// Time of measurement, ns on the monotonic clock.
+                pub stamp_ns: u64,
+                /// Time of publication, ns on the monotonic clock.
+                pub published_ns: u64,
+                $( #[doc = $fdoc] pub $field: $ty, )*
+            }
+
+            impl $name {
+                $($( #[doc = $cdoc] pub const $cname: u8 = $cvalue; )*)?
+            }
+
+            impl Default for $name {
+                fn default() -> Self {
+                    <Self as $crate::Sample>::zeroed()
+                }
+            }
+
+            impl $crate::Sample for $name {
+                const NAME: &'static str = stringify!($name);
+                const DOC: &'static str = $doc.trim_ascii();
+                const FIELDS: &'static [$crate::Field] = &[
+                    $crate::schema::field!($name, sequence, u64, "counts the samples of one publisher from 1"),
+                    $crate::schema::field!($name, stamp_ns, u64, "time of measurement, ns, monotonic clock"),
+                    $crate::schema::field!($name, published_ns, u64, "time of publication, ns, monotonic clock"),
+                    $( $crate::schema::field!($name, $field, $ty, $fdoc.trim_ascii()), )*
+                ];
+                const CONSTANTS: &'static [$crate::Constant] = &[
+                    $($( $crate::Constant { name: stringify!($cname), value: $cvalue, doc: $cdoc.trim_ascii() }, )*)?
+                ];
+                const HASH: u64 = $crate::schema::layout_hash(Self::NAME, Self::FIELDS);
+
+                fn header(&self) -> $crate::Header {
+                    $crate::Header {
+                        sequence: self.sequence,
+                        stamp_ns: self.stamp_ns,
+                        published_ns: self.published_ns,
+                    }
+                }
+
+                fn set_header(&mut self, h: $crate::Header) {
+                    (self.sequence, self.stamp_ns, self.published_ns) = (h.sequence, h.stamp_ns, h.published_ns);
+                }
+            }
+
+            // SAFETY: the struct is repr(C) and holds only integers, floats and arrays of them, no pointer and no handle.
+            #[allow(unsafe_code)]
+            unsafe impl iceoryx2::prelude::ZeroCopySend for $name {
+                unsafe fn type_name() -> &'static str {
+                    const LENGTH: usize = "fss_msgs/@".len() + stringify!($name).len() + 16;
+                    const BYTES: [u8; LENGTH] =
+                        $crate::schema::type_name_bytes(stringify!($name), <$name as $crate::Sample>::HASH);
+                    match core::str::from_utf8(&BYTES) {
+                        Ok(name) => name,
+                        Err(_) => stringify!($name),
+                    }
+                }
+            }
+
+            const _: () = {
+                assert!(core::mem::align_of::<$name>() == 8, "a sample is aligned to 8 bytes");
+                assert!(
+                    $crate::schema::is_cdr_layout(<$name as $crate::Sample>::FIELDS, core::mem::size_of::<$name>()),
+                    "order the fields by size and fill with reserved bytes: the layout must be that of XCDR1"
+                );
+            };
+        )*
+
+        /// Calls the visitor with each sample type, in the order of their definition.
+        pub fn visit_samples(visitor: &mut impl $crate::SampleVisitor) {
+            $( visitor.visit::<$name>(); )*
+        }
+    };
+}
+
+macro_rules! field {
+    ($sample:ident, $field:ident, $ty:ty, $doc:expr) => {
+        $crate::Field {
+            name: stringify!($field),
+            doc: $doc,
+            scalar: <$ty as $crate::FieldType>::SCALAR,
+            count: <$ty as $crate::FieldType>::COUNT,
+            offset: core::mem::offset_of!($sample, $field),
+        }
+    };
+}
+
+pub(crate) use {field, samples};
+
+/// Does something with a sample type.
+pub trait SampleVisitor {
+    /// Called once for each type.
+    fn visit<T: Sample>(&mut self);
+}
+
+const _: () = assert!(cfg!(target_endian = "little"), "samples are the log's bytes: little endian");
+const _: () = assert!(align_of::<u64>() == 8, "XCDR1 aligns 8-byte primitives to 8");

@@ -1,0 +1,73 @@
+//! The topics of a stack: name, what travels on it, who publishes it.
+
+use crate::{
+    ArmCommand, BaseCommand, Event, GyroRate, Health, LinksState, MissionState, MocapPose, NavState, Sample,
+    ThrustersCommand, ThrustersState, TruthState,
+};
+use core::marker::PhantomData;
+
+/// A topic: a name and the type of its samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Topic<T> {
+    /// ROS style name, without the vehicle's.
+    pub name: &'static str,
+    sample: PhantomData<fn() -> T>,
+}
+
+impl<T: Sample> Topic<T> {
+    /// A topic of this name.
+    pub const fn new(name: &'static str) -> Self {
+        Self { name, sample: PhantomData }
+    }
+}
+
+macro_rules! topics {
+    ($( #[doc = $doc:literal] $constant:ident: $sample:ident = $name:literal, )*) => {
+        $( #[doc = $doc] pub const $constant: Topic<$sample> = Topic::new($name); )*
+
+        /// Every topic's name, in the order of the data flow.
+        pub const NAMES: &[&str] = &[$($name),*];
+
+        /// Calls the visitor with each topic.
+        pub fn visit(visitor: &mut impl TopicVisitor) {
+            $( visitor.visit($constant, $doc.trim_ascii()); )*
+        }
+    };
+}
+
+/// Does something with a topic.
+pub trait TopicVisitor {
+    /// Called once for each topic, with its documentation.
+    fn visit<T: Sample>(&mut self, topic: Topic<T>, doc: &'static str);
+}
+
+topics! {
+    /// Motion capture of the base, as the tracker sent it; published by `fusion`.
+    MOCAP_BASE: MocapPose = "/mocap/base",
+    /// Motion capture of the end-effector; published by `fusion`.
+    MOCAP_END_EFFECTOR: MocapPose = "/mocap/end_effector",
+    /// Motion capture of the target body; published by `fusion`.
+    MOCAP_TARGET: MocapPose = "/mocap/target",
+    /// The fibre-optic gyro's reading; published by `fusion`.
+    GYRO: GyroRate = "/gyro",
+    /// Navigation state of the base; published by `fusion`.
+    NAV_STATE: NavState = "/nav/state",
+    /// Telemetry of all links, extrapolated to one time; published by `links`.
+    LINKS_STATE: LinksState = "/links/state",
+    /// Where the mission stands and what it wants of base and arm; published by `mission`.
+    MISSION_STATE: MissionState = "/mission/state",
+    /// What the arm controller tells the joints; published by `arm`.
+    ARM_COMMAND: ArmCommand = "/arm/command",
+    /// The wrench that the base controller wants, and its errors; published by `base`.
+    BASE_COMMAND: BaseCommand = "/base/command",
+    /// Which valves shall be open; published by `base`.
+    THRUSTERS_COMMAND: ThrustersCommand = "/thrusters/command",
+    /// Which valves are commanded open at the driver; published by `thrusters`.
+    THRUSTERS_STATE: ThrustersState = "/thrusters/state",
+    /// What happened, with severity; published by every service.
+    EVENTS: Event = "/events",
+    /// Cycles, overruns, latencies and input ages; published by every service.
+    HEALTH: Health = "/health",
+    /// What the simulated laboratory knows and no service may read; published by `lab`.
+    TRUTH_STATE: TruthState = "/truth/state",
+}
