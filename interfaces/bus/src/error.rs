@@ -24,6 +24,9 @@ pub enum BusError {
     /// One device queue was opened with two types.
     #[error("the device queue '{0}' is opened with two different message types")]
     Queue(String),
+    /// The latency histograms could not be made.
+    #[error("cannot make the latency histograms: {0}")]
+    Histogram(#[from] hdrhistogram::CreationError),
     /// The operating system refused something that the loop cannot do without.
     #[error("{what}: {source}")]
     System {

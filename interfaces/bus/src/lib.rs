@@ -15,8 +15,11 @@
 mod bus;
 mod error;
 pub mod health;
+pub mod launch;
 mod local;
 mod port;
+pub mod process;
+pub mod realtime;
 mod runner;
 mod shared;
 mod time;

@@ -14,9 +14,9 @@ use iceoryx2::prelude::*;
 pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
 
 /// The most processes, publishers and subscribers of one topic.
-const MAX_PARTICIPANTS: usize = 20;
+const MAX_PARTICIPANTS: usize = 12;
 /// The deepest buffer that a subscriber may ask for (the recorder's).
-pub(crate) const MAX_BUFFER: usize = 1024;
+pub(crate) const MAX_BUFFER: usize = 256;
 
 /// How a process joins a stack's shared memory.
 #[derive(Clone, Debug)]

@@ -1,0 +1,159 @@
+//! The launch file: which services run, at what rates, with what priority, on which core. Nothing else decides that.
+
+use serde::Deserialize;
+use std::net::SocketAddr;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// A stack as its launch file describes it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Launch {
+    /// Name in front of every topic; empty for a stack alone on its host.
+    #[serde(default)]
+    pub vehicle: String,
+    /// Where the devices are.
+    pub devices: Devices,
+    /// The services in the order of their start; they stop in the opposite order.
+    #[serde(rename = "service")]
+    pub services: Vec<Schedule>,
+}
+
+/// Where the devices are: the addresses at which services, or the simulated laboratory, find each other.
+///
+/// A path that is not absolute is taken from the folder of the run.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Devices {
+    /// UDP address at which `fusion` receives motion capture.
+    pub vicon: SocketAddr,
+    /// The gyro's serial port.
+    pub gyro: PathBuf,
+    /// The valve line: a Unix socket of the simulated laboratory.
+    pub valves: PathBuf,
+    /// UDP address from which `links` speaks.
+    pub links_local: SocketAddr,
+    /// UDP address of each link, joint 1 first.
+    pub links: Vec<SocketAddr>,
+    /// File with the key that authenticates commands to the links; without it a key is made for the run.
+    #[serde(default)]
+    pub link_key: Option<PathBuf>,
+}
+
+/// When and how one service runs.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Schedule {
+    /// The service.
+    pub name: Spanned<String>,
+    /// Steps a second.
+    pub rate_hz: Spanned<f64>,
+    /// When in its period a step begins, so that data flows through the stack within one period.
+    #[serde(default)]
+    pub phase_us: u64,
+    /// A step that ends later than this after its boundary is an overrun; the period where absent.
+    #[serde(default)]
+    pub deadline_us: Option<u64>,
+    /// `SCHED_FIFO` priority, 1 to 99; normal scheduling where absent.
+    #[serde(default)]
+    pub priority: Option<u8>,
+    /// The core to which it is pinned; any where absent.
+    #[serde(default)]
+    pub core: Option<usize>,
+    /// Whether the launcher restarts it when it dies.
+    #[serde(default = "yes")]
+    pub restart: bool,
+}
+
+const fn yes() -> bool {
+    true
+}
+
+impl Schedule {
+    /// Time from one boundary to the next, ns.
+    pub fn period_ns(&self) -> u64 {
+        (1e9 / self.rate_hz.get_ref()).round() as u64
+    }
+
+    /// When in its period a step begins, ns.
+    pub fn phase_ns(&self) -> u64 {
+        self.phase_us * 1000
+    }
+
+    /// Time after its boundary at which a step must have ended, ns.
+    pub fn deadline_ns(&self) -> u64 {
+        self.deadline_us.map_or_else(|| self.period_ns(), |us| us * 1000)
+    }
+}
+
+/// Why a launch file is refused.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct LaunchError {
+    /// What is wrong.
+    pub message: String,
+    /// What to do.
+    pub help: String,
+    /// Where in the text, bytes.
+    pub span: Option<Range<usize>>,
+}
+
+impl Launch {
+    /// Reads a launch file's text; `known` are the names of the services that there are.
+    ///
+    /// # Errors
+    /// Says where the text is malformed or contradicts itself.
+    pub fn parse(text: &str, known: &[&str]) -> Result<Self, LaunchError> {
+        let launch: Self = toml::from_str(text).map_err(|e| LaunchError {
+            message: e.message().to_owned(),
+            help: "the launch files that come with fss show every key".to_owned(),
+            span: e.span(),
+        })?;
+        launch.check(known)?;
+        Ok(launch)
+    }
+
+    fn check(&self, known: &[&str]) -> Result<(), LaunchError> {
+        let refuse =
+            |message: String, help: String, span: Range<usize>| Err(LaunchError { message, help, span: Some(span) });
+        for (i, service) in self.services.iter().enumerate() {
+            let name = service.name.get_ref();
+            if !known.contains(&name.as_str()) {
+                let help = format!("the services are {}", known.join(", "));
+                return refuse(format!("there is no service '{name}'"), help, service.name.span());
+            }
+            if self.services[..i].iter().any(|other| other.name.get_ref() == name) {
+                let help = "each service runs once; remove one of the two tables".to_owned();
+                return refuse(format!("'{name}' is launched twice"), help, service.name.span());
+            }
+            let rate_hz = *service.rate_hz.get_ref();
+            if !(0.1..=10_000.0).contains(&rate_hz) {
+                let help = "a rate lies between 0.1 and 10000 Hz".to_owned();
+                return refuse(format!("'{name}' cannot run at {rate_hz} Hz"), help, service.rate_hz.span());
+            }
+            if service.phase_ns() >= service.period_ns() {
+                let help = format!("the period is {} us; a phase lies within it", service.period_ns() / 1000);
+                return refuse(format!("the phase of '{name}' is beyond its period"), help, service.name.span());
+            }
+            if service.priority.is_some_and(|p| !(1..=99).contains(&p)) {
+                let help = "SCHED_FIFO priorities go from 1 to 99".to_owned();
+                return refuse(format!("the priority of '{name}' is out of range"), help, service.name.span());
+            }
+        }
+        Ok(())
+    }
+
+    /// The schedule of a service, if the launch file has it.
+    pub fn schedule(&self, name: &str) -> Option<&Schedule> {
+        self.services.iter().find(|service| service.name.get_ref() == name)
+    }
+
+    /// The same with all relative paths taken from `folder`.
+    pub fn in_folder(mut self, folder: &Path) -> Self {
+        self.devices.gyro = folder.join(&self.devices.gyro);
+        self.devices.valves = folder.join(&self.devices.valves);
+        self.devices.link_key = self.devices.link_key.map(|key| folder.join(key));
+        self
+    }
+}

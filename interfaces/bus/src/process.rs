@@ -1,0 +1,93 @@
+//! A service as a process: an absolute-time loop at the launch file's rate.
+//!
+//! Boundaries are the multiples of the period on the monotonic clock, plus the phase: since all processes of a host
+//! share that clock, phases order the services of a stack without any process waiting for another. A boundary
+//! that was missed is skipped and counted, never made up in a burst.
+
+use crate::health::Monitor;
+use crate::launch::Schedule;
+use crate::realtime::{self, Privileges};
+use crate::{Bus, BusError, InputPorts, Output, OutputPort, Runner, Service, Time};
+use fss_messages::{Event, text, topic};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How often a service reports its health, ns.
+const HEALTH_PERIOD_NS: u64 = 500_000_000;
+
+/// Runs the service until `stop` is set. `starts` counts how often it has been started in this run.
+///
+/// # Errors
+/// Where the clock cannot be read or a port not be opened.
+pub fn run<S: Service>(
+    runner: &mut Runner<S>,
+    bus: &Bus,
+    schedule: &Schedule,
+    starts: u32,
+    stop: &AtomicBool,
+) -> Result<Privileges, BusError> {
+    let mut health = Output::open(bus, topic::HEALTH)?;
+    let mut events = Output::open(bus, topic::EVENTS)?;
+    let mut monitor = Monitor::new(S::NAME, *schedule.rate_hz.get_ref(), starts)?;
+    let granted = realtime::enter(schedule);
+    monitor.set_privileges(granted.real_time, granted.memory_locked);
+    announce::<S>(&mut events, &granted, starts, realtime::now()?);
+
+    let (period_ns, phase_ns, deadline_ns) = (schedule.period_ns(), schedule.phase_ns(), schedule.deadline_ns());
+    let mut boundary = next_boundary(realtime::now()?, period_ns, phase_ns);
+    let mut next_report_ns = boundary.ns();
+    while !stop.load(Ordering::Relaxed) {
+        realtime::sleep_until(boundary);
+        let woken = realtime::now()?;
+        if woken < boundary {
+            continue; // a signal woke us
+        }
+        runner.step(boundary);
+        let dropped = runner.flush(realtime::now()?);
+        let done = realtime::now()?;
+
+        let step_ns = done.age_ns(woken.ns());
+        monitor.count_step(woken.age_ns(boundary.ns()), step_ns, done > boundary.plus_ns(deadline_ns), dropped);
+        if done.ns() >= next_report_ns {
+            runner.inputs.ages_ns(boundary, monitor.input_ages_mut());
+            health.publish(monitor.report(done));
+            health.flush(done);
+            events.flush(done);
+            next_report_ns = done.ns() + HEALTH_PERIOD_NS;
+        }
+        let following = boundary.plus_ns(period_ns);
+        boundary = if done < following { following } else { next_boundary(done, period_ns, phase_ns) };
+        monitor.count_skipped((boundary.ns() - following.ns()) / period_ns);
+    }
+    Ok(granted)
+}
+
+/// The first boundary after `now`.
+fn next_boundary(now: Time, period_ns: u64, phase_ns: u64) -> Time {
+    let since_phase = now.ns().saturating_sub(phase_ns);
+    Time::from_ns((since_phase / period_ns + 1) * period_ns + phase_ns)
+}
+
+fn announce<S: Service>(events: &mut Output<Event>, granted: &Privileges, starts: u32, now: Time) {
+    let mut say = |severity: u8, message: &str| {
+        let (service, text) = (text(S::NAME), text(message));
+        events.publish(Event { stamp_ns: now.ns(), severity, service, text, ..Event::default() });
+    };
+    say(Event::INFO, if starts > 1 { "restarted" } else { "started" });
+    for missing in &granted.missing {
+        say(Event::WARNING, &format!("runs without {missing}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boundaries_are_the_multiples_of_the_period_plus_the_phase() {
+        let next = |now| next_boundary(Time::from_ns(now), 1000, 300).ns();
+        assert_eq!(next(0), 1300);
+        assert_eq!(next(1299), 1300);
+        assert_eq!(next(1300), 2300);
+        assert_eq!(next(7_000), 7_300);
+    }
+}
