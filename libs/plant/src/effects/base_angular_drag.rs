@@ -1,0 +1,35 @@
+//! `base_angular_drag`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::physics::{BaseLaw, BaseMotion, Physics};
+
+pub(super) struct BaseAngularDrag;
+
+const ABOUT: About = About {
+    id: "base_angular_drag",
+    sentence: "A torque on the base opposes its turning in proportion to the rate.",
+    place: Place::Base,
+    index: Index::None,
+    parameters: &[
+        Parameter::new("coefficient_N_m_s_rad", "N m s/rad", "torque per rate")
+            .within(0.0, 100.0)
+            .scale(0.01),
+    ],
+};
+
+impl EffectKind for BaseAngularDrag {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.base_laws.push(BaseLaw {
+            law,
+            values: effect.padded(),
+        });
+    }
+}
+
+fn law(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    [0.0, 0.0, -p[0] * base.velocity[2]]
+}

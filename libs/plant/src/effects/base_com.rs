@@ -1,0 +1,32 @@
+//! `base_com`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct BaseCom;
+
+const ABOUT: About = About {
+    id: "base_com",
+    sentence: "The base's centre of mass is not at the origin of its frame.",
+    place: Place::Mass,
+    index: Index::None,
+    parameters: &[
+        Parameter::new("x_m", "m", "centre of mass in the base frame")
+            .within(-1.0, 1.0)
+            .scale(0.01),
+        Parameter::new("y_m", "m", "centre of mass in the base frame")
+            .within(-1.0, 1.0)
+            .scale(0.01),
+    ],
+};
+
+impl EffectKind for BaseCom {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        let [x, y, ..] = effect.padded();
+        physics.base.com_m = [x, y];
+    }
+}

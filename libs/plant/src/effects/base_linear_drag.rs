@@ -1,0 +1,35 @@
+//! `base_linear_drag`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::physics::{BaseLaw, BaseMotion, Physics};
+
+pub(super) struct BaseLinearDrag;
+
+const ABOUT: About = About {
+    id: "base_linear_drag",
+    sentence: "A force on the base opposes its velocity in proportion to it.",
+    place: Place::Base,
+    index: Index::None,
+    parameters: &[
+        Parameter::new("coefficient_N_s_m", "N s/m", "force per speed")
+            .within(0.0, 100.0)
+            .scale(0.05),
+    ],
+};
+
+impl EffectKind for BaseLinearDrag {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.base_laws.push(BaseLaw {
+            law,
+            values: effect.padded(),
+        });
+    }
+}
+
+fn law(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    [-p[0] * base.velocity[0], -p[0] * base.velocity[1], 0.0]
+}

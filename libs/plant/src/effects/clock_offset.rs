@@ -1,0 +1,28 @@
+//! `clock_offset`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct ClockOffset;
+
+const ABOUT: About = About {
+    id: "clock_offset",
+    sentence: "A data stream is stamped by a clock that is wrong by a constant.",
+    place: Place::Time,
+    index: Index::Channel,
+    parameters: &[Parameter::new("offset_s", "s", "stamp less true time")
+        .within(-5.0, 5.0)
+        .scale(0.02)],
+};
+
+impl EffectKind for ClockOffset {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for stream in super::streams(effect.channel()) {
+            physics.sensors.clock_offset_s[*stream as usize] += effect.first();
+        }
+    }
+}

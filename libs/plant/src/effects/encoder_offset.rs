@@ -1,0 +1,28 @@
+//! `encoder_offset`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct EncoderOffset;
+
+const ABOUT: About = About {
+    id: "encoder_offset",
+    sentence: "An encoder reads a constant angle too much, and the servo follows it.",
+    place: Place::Sensor,
+    index: Index::Joint,
+    parameters: &[Parameter::new("offset_rad", "rad", "reading at zero")
+        .within(-10.0, 10.0)
+        .scale(0.01)],
+};
+
+impl EffectKind for EncoderOffset {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.joints.len()) {
+            physics.joints[i].encoder_offset_rad = effect.first();
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! `encoder_scale`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct EncoderScale;
+
+const ABOUT: About = About {
+    id: "encoder_scale",
+    sentence: "An encoder reads scale times the angle, and the servo follows it.",
+    place: Place::Sensor,
+    index: Index::Joint,
+    parameters: &[Parameter::new("scale", "", "reading over angle")
+        .nominal(1.0)
+        .within(0.01, 10.0)
+        .scale(0.02)],
+};
+
+impl EffectKind for EncoderScale {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.joints.len()) {
+            physics.joints[i].encoder_scale = effect.first();
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! `gyro_bias`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::file::Plant;
+use crate::physics::Physics;
+
+pub(super) struct GyroBias;
+
+const ABOUT: About = About {
+    id: "gyro_bias",
+    sentence: "The gyro reads a rate while the base is at rest.",
+    place: Place::Sensor,
+    index: Index::None,
+    parameters: &[Parameter::new("bias_rad_s", "rad/s", "reading at rest")
+        .within(-1.0, 1.0)
+        .scale(0.001)
+        .of_plant()],
+};
+
+impl EffectKind for GyroBias {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
+        let _ = index;
+        [plant.sensors.gyro_bias_rad_s, 0.0, 0.0, 0.0]
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.sensors.gyro_bias_rad_s = effect.first();
+    }
+}

@@ -1,0 +1,34 @@
+//! `gyro_scale`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::file::Plant;
+use crate::physics::Physics;
+
+pub(super) struct GyroScale;
+
+const ABOUT: About = About {
+    id: "gyro_scale",
+    sentence: "The gyro reads scale times the rate.",
+    place: Place::Sensor,
+    index: Index::None,
+    parameters: &[Parameter::new("scale", "", "reading over rate")
+        .nominal(1.0)
+        .within(-10.0, 10.0)
+        .scale(0.02)
+        .of_plant()],
+};
+
+impl EffectKind for GyroScale {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
+        let _ = index;
+        [plant.sensors.gyro_scale, 0.0, 0.0, 0.0]
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.sensors.gyro_scale = effect.first();
+    }
+}

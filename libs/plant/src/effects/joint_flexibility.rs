@@ -1,0 +1,33 @@
+//! `joint_flexibility`
+//!
+//! The limit of a large stiffness is the rigid joint; the largest value stands for it.
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct JointFlexibility;
+
+const ABOUT: About = About {
+    id: "joint_flexibility",
+    sentence: "A drive is elastic: its motor turns against the link like a spring.",
+    place: Place::Joint,
+    index: Index::Joint,
+    parameters: &[
+        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per wind-up")
+            .nominal(1e5)
+            .within(1.0, 100000.0)
+            .scale(100.0),
+    ],
+};
+
+impl EffectKind for JointFlexibility {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.joints.len()) {
+            physics.joints[i].stiffness_n_m_rad = Some(effect.first());
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! `joint_spring`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::physics::{JointLaw, Physics};
+
+pub(super) struct JointSpring;
+
+const ABOUT: About = About {
+    id: "joint_spring",
+    sentence: "Something elastic, such as a cable, turns a joint back towards an angle.",
+    place: Place::Joint,
+    index: Index::Joint,
+    parameters: &[
+        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per angle")
+            .within(0.0, 1000.0)
+            .scale(0.1),
+        Parameter::new("rest_rad", "rad", "joint angle without torque")
+            .within(-10.0, 10.0)
+            .scale(0.3),
+    ],
+};
+
+impl EffectKind for JointSpring {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.joints.len()) {
+            physics.joint_laws.push(JointLaw {
+                joint: i,
+                law,
+                values: effect.padded(),
+            });
+        }
+    }
+}
+
+fn law(p: &[f64; MAX_PARAMETERS], _t_s: f64, q_rad: f64, _qd_rad_s: f64) -> f64 {
+    -p[0] * (q_rad - p[1])
+}

@@ -1,0 +1,40 @@
+//! `joint_stribeck_friction`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct JointStribeckFriction;
+
+const ABOUT: About = About {
+    id: "joint_stribeck_friction",
+    sentence: "A joint sticks: near rest it resists more than while it slides.",
+    place: Place::Joint,
+    index: Index::Joint,
+    parameters: &[
+        Parameter::new("torque_N_m", "N m", "static friction above dry friction")
+            .within(0.0, 100.0)
+            .scale(0.05),
+        Parameter::new(
+            "velocity_rad_s",
+            "rad/s",
+            "rate at which it has fallen to 1/e",
+        )
+        .nominal(0.05)
+        .within(0.0001, 10.0)
+        .scale(0.02),
+    ],
+};
+
+impl EffectKind for JointStribeckFriction {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.joints.len()) {
+            let [torque, rate, ..] = effect.padded();
+            physics.joints[i].friction.stribeck_n_m = torque;
+            physics.joints[i].friction.stribeck_rad_s = rate;
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! `joint_viscous_friction`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::file::Plant;
+use crate::physics::Physics;
+
+pub(super) struct JointViscousFriction;
+
+const ABOUT: About = About {
+    id: "joint_viscous_friction",
+    sentence: "A joint has another viscous friction: it resists in proportion to its rate.",
+    place: Place::Joint,
+    index: Index::Joint,
+    parameters: &[
+        Parameter::new("coefficient_N_m_s_rad", "N m s/rad", "torque per rate")
+            .within(0.0, 100.0)
+            .scale(0.1)
+            .of_plant(),
+    ],
+};
+
+impl EffectKind for JointViscousFriction {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
+        let link = plant.links.get(index.unwrap_or(0));
+        [
+            link.map_or(0.0, |l| l.viscous_friction_n_m_s_rad),
+            0.0,
+            0.0,
+            0.0,
+        ]
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.joints.len()) {
+            physics.joints[i].friction.viscous_n_m_s_rad = effect.first();
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! `link_latency`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::file::Plant;
+use crate::physics::Physics;
+
+pub(super) struct LinkLatency;
+
+const ABOUT: About = About {
+    id: "link_latency",
+    sentence: "Link telemetry is older than its stamp admits.",
+    place: Place::Time,
+    index: Index::Link,
+    parameters: &[Parameter::new("delay_s", "s", "event to stamp")
+        .within(0.0, 5.0)
+        .scale(0.05)
+        .of_plant()],
+};
+
+impl EffectKind for LinkLatency {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
+        let _ = index;
+        [plant.sensors.link_latency_s, 0.0, 0.0, 0.0]
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.links.len()) {
+            physics.sensors.link_delay_s[i] = effect.first();
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! `marker_offset`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct MarkerOffset;
+
+const ABOUT: About = About {
+    id: "marker_offset",
+    sentence: "The tracked point is not the origin of the base frame.",
+    place: Place::Sensor,
+    index: Index::None,
+    parameters: &[
+        Parameter::new("x_m", "m", "tracked point in the base frame")
+            .within(-1.0, 1.0)
+            .scale(0.005),
+        Parameter::new("y_m", "m", "tracked point in the base frame")
+            .within(-1.0, 1.0)
+            .scale(0.005),
+    ],
+};
+
+impl EffectKind for MarkerOffset {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        let [x, y, ..] = effect.padded();
+        physics.sensors.marker_offset_m = [x, y];
+    }
+}

@@ -1,0 +1,33 @@
+//! `mocap_latency`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::file::Plant;
+use crate::physics::Physics;
+
+pub(super) struct MocapLatency;
+
+const ABOUT: About = About {
+    id: "mocap_latency",
+    sentence: "Motion capture arrives later than its stamp admits.",
+    place: Place::Time,
+    index: Index::None,
+    parameters: &[Parameter::new("delay_s", "s", "event to sample")
+        .within(0.0, 2.0)
+        .scale(0.02)
+        .of_plant()],
+};
+
+impl EffectKind for MocapLatency {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
+        let _ = index;
+        [plant.sensors.mocap_latency_s, 0.0, 0.0, 0.0]
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.sensors.mocap_delay_s = effect.first();
+    }
+}

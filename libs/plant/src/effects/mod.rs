@@ -1,0 +1,136 @@
+//! The catalogue: every effect that a plant can have, one file each.
+//!
+//! To add one, write its file and add its line to [`CATALOGUE`].
+
+use crate::effect::EffectKind;
+use crate::physics::Stream;
+
+mod base_angular_drag;
+mod base_com;
+mod base_coulomb_drag;
+mod base_inertia;
+mod base_linear_drag;
+mod base_mass;
+mod base_quadratic_drag;
+mod body_force;
+mod clock_offset;
+mod drive_kinematic_error;
+mod encoder_offset;
+mod encoder_scale;
+mod gyro_bias;
+mod gyro_scale;
+mod joint_backlash;
+mod joint_coulomb_friction;
+mod joint_flexibility;
+mod joint_spring;
+mod joint_stribeck_friction;
+mod joint_viscous_friction;
+mod link_com;
+mod link_inertia;
+mod link_latency;
+mod link_mass;
+mod marker_offset;
+mod marker_yaw;
+mod mocap_latency;
+mod mocap_rotation;
+mod payload;
+mod plume_impingement;
+mod table_tilt;
+mod tether_linear;
+mod tether_torsion;
+mod thruster_delay;
+mod thruster_gain;
+mod thruster_leak;
+mod thruster_misalignment;
+mod thruster_pressure_droop;
+mod thruster_pressure_trend;
+mod thruster_rise_time;
+mod torque_constant;
+mod torque_sensor;
+mod unmodelled;
+mod valve_swap;
+
+static CATALOGUE: &[&dyn EffectKind] = &[
+    &table_tilt::TableTilt,
+    &base_linear_drag::BaseLinearDrag,
+    &base_angular_drag::BaseAngularDrag,
+    &base_quadratic_drag::BaseQuadraticDrag,
+    &base_coulomb_drag::BaseCoulombDrag,
+    &body_force::BodyForce,
+    &tether_torsion::TetherTorsion,
+    &tether_linear::TetherLinear,
+    &base_mass::BaseMass,
+    &base_inertia::BaseInertia,
+    &base_com::BaseCom,
+    &link_mass::LinkMass,
+    &link_com::LinkCom,
+    &link_inertia::LinkInertia,
+    &payload::Payload,
+    &joint_coulomb_friction::JointCoulombFriction,
+    &joint_viscous_friction::JointViscousFriction,
+    &joint_stribeck_friction::JointStribeckFriction,
+    &joint_spring::JointSpring,
+    &joint_flexibility::JointFlexibility,
+    &joint_backlash::JointBacklash,
+    &drive_kinematic_error::DriveKinematicError,
+    &torque_constant::TorqueConstant,
+    &torque_sensor::TorqueSensor,
+    &encoder_offset::EncoderOffset,
+    &encoder_scale::EncoderScale,
+    &thruster_gain::ThrusterGain,
+    &thruster_leak::ThrusterLeak,
+    &thruster_misalignment::ThrusterMisalignment,
+    &thruster_delay::ThrusterDelay,
+    &thruster_rise_time::ThrusterRiseTime,
+    &thruster_pressure_droop::ThrusterPressureDroop,
+    &thruster_pressure_trend::ThrusterPressureTrend,
+    &valve_swap::ValveSwap,
+    &plume_impingement::PlumeImpingement,
+    &mocap_latency::MocapLatency,
+    &mocap_rotation::MocapRotation,
+    &marker_offset::MarkerOffset,
+    &marker_yaw::MarkerYaw,
+    &gyro_bias::GyroBias,
+    &gyro_scale::GyroScale,
+    &link_latency::LinkLatency,
+    &clock_offset::ClockOffset,
+    &unmodelled::Unmodelled,
+];
+
+/// Every kind of effect, in the order of the documentation.
+pub fn catalogue() -> &'static [&'static dyn EffectKind] {
+    CATALOGUE
+}
+
+/// The kind with this id.
+pub fn find(id: &str) -> Option<&'static dyn EffectKind> {
+    CATALOGUE.iter().copied().find(|k| k.about().id == id)
+}
+
+/// Names of data streams that `clock_offset` knows, as the files of a measured experiment are
+/// called; `mocap` is all poses.
+pub const STREAMS: &[&str] = &[
+    "mocap",
+    "base_pose",
+    "ee_pose",
+    "target_pose",
+    "gyro",
+    "joints",
+    "joint_command",
+    "valves",
+];
+
+/// The streams that a name of [`STREAMS`] stands for.
+fn streams(name: Option<&str>) -> &'static [Stream] {
+    match name {
+        Some("mocap") => &[Stream::BasePose, Stream::EePose, Stream::TargetPose],
+        Some("base_pose") => &[Stream::BasePose],
+        Some("ee_pose") => &[Stream::EePose],
+        Some("target_pose") => &[Stream::TargetPose],
+        Some("gyro") => &[Stream::Gyro],
+        Some("joints") => &[Stream::Joints],
+        Some("joint_command") => &[Stream::JointCommand],
+        Some("valves") => &[Stream::Valves],
+        _ => &[],
+    }
+}

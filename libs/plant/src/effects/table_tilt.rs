@@ -1,0 +1,33 @@
+//! `table_tilt`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct TableTilt;
+
+const ABOUT: About = About {
+    id: "table_tilt",
+    sentence: "The table leans, so every body accelerates alike and steadily.",
+    place: Place::Base,
+    index: Index::None,
+    parameters: &[
+        Parameter::new("accel_x_m_s2", "m/s^2", "acceleration along the table's x")
+            .within(-20.0, 20.0)
+            .scale(0.001),
+        Parameter::new("accel_y_m_s2", "m/s^2", "acceleration along the table's y")
+            .within(-20.0, 20.0)
+            .scale(0.001),
+    ],
+};
+
+impl EffectKind for TableTilt {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        let [x, y, ..] = effect.padded();
+        physics.gravity_m_s2[0] += x;
+        physics.gravity_m_s2[1] += y;
+    }
+}

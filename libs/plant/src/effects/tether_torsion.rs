@@ -1,0 +1,38 @@
+//! `tether_torsion`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::physics::{BaseLaw, BaseMotion, Physics};
+
+pub(super) struct TetherTorsion;
+
+const ABOUT: About = About {
+    id: "tether_torsion",
+    sentence: "A cable or hose twists and turns the base back towards a heading.",
+    place: Place::Base,
+    index: Index::None,
+    parameters: &[
+        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per turn")
+            .within(0.0, 100.0)
+            .scale(0.01),
+        Parameter::new("rest_rad", "rad", "heading without torque")
+            .within(-100.0, 100.0)
+            .scale(0.3),
+    ],
+};
+
+impl EffectKind for TetherTorsion {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.base_laws.push(BaseLaw {
+            law,
+            values: effect.padded(),
+        });
+    }
+}
+
+fn law(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    [0.0, 0.0, -p[0] * (base.pose[2] - p[1])]
+}

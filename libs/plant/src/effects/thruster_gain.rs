@@ -1,0 +1,31 @@
+//! `thruster_gain`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct ThrusterGain;
+
+const ABOUT: About = About {
+    id: "thruster_gain",
+    sentence: "A thruster is weaker or stronger than the plant file says; 0 is stuck shut.",
+    place: Place::Thruster,
+    index: Index::Thruster,
+    parameters: &[
+        Parameter::new("scale", "", "real thrust over nominal thrust")
+            .nominal(1.0)
+            .within(0.0, 10.0)
+            .scale(0.1),
+    ],
+};
+
+impl EffectKind for ThrusterGain {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.thrusters.len()) {
+            physics.thrusters[i].thrust_n *= effect.first();
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! `thruster_leak`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct ThrusterLeak;
+
+const ABOUT: About = About {
+    id: "thruster_leak",
+    sentence: "A closed valve leaks and pushes all the time; the whole thrust is stuck open.",
+    place: Place::Thruster,
+    index: Index::Thruster,
+    parameters: &[Parameter::new("thrust_N", "N", "thrust while closed")
+        .within(0.0, 100.0)
+        .scale(0.005)],
+};
+
+impl EffectKind for ThrusterLeak {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.thrusters.len()) {
+            physics.thrusters[i].leak_n = effect.first();
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! `thruster_pressure_trend`
+
+use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::physics::Physics;
+
+pub(super) struct ThrusterPressureTrend;
+
+const ABOUT: About = About {
+    id: "thruster_pressure_trend",
+    sentence: "The supply pressure drifts: all thrusts change steadily with time.",
+    place: Place::Thruster,
+    index: Index::None,
+    parameters: &[Parameter::new(
+        "fraction_per_s",
+        "1/s",
+        "relative change of thrust a second, negative is falling",
+    )
+    .within(-1.0, 1.0)
+    .scale(0.002)],
+};
+
+impl EffectKind for ThrusterPressureTrend {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        physics.supply.trend_per_s = effect.first();
+        physics.supply.trend_since_s = effect.onset_s().unwrap_or(0.0);
+    }
+}

@@ -1,0 +1,35 @@
+//! `thruster_rise_time`
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::file::Plant;
+use crate::physics::Physics;
+
+pub(super) struct ThrusterRiseTime;
+
+const ABOUT: About = About {
+    id: "thruster_rise_time",
+    sentence: "A valve opens slowly: thrust rises with a time constant.",
+    place: Place::Thruster,
+    index: Index::Thruster,
+    parameters: &[Parameter::new("time_s", "s", "time constant of opening")
+        .within(0.0, 2.0)
+        .scale(0.02)
+        .of_plant()],
+};
+
+impl EffectKind for ThrusterRiseTime {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
+        let _ = index;
+        [plant.valves.rise_s, 0.0, 0.0, 0.0]
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        for i in effect.targets(physics.thrusters.len()) {
+            physics.thrusters[i].rise_s = effect.first();
+        }
+    }
+}

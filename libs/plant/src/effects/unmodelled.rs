@@ -1,0 +1,69 @@
+//! `unmodelled`
+//!
+//! The diagnosis says so with a channel and words; in a simulation the channels `base_force` and
+//! `base_torque` act as strength sin(2 pi frequency t + phase), all others only describe.
+
+use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::physics::{BaseLaw, BaseMotion, Physics};
+
+pub(super) struct Unmodelled;
+
+const ABOUT: About = About {
+    id: "unmodelled",
+    sentence: "Something acts that no other effect explains.",
+    place: Place::Unknown,
+    index: Index::Channel,
+    parameters: &[
+        Parameter::new("strength", "", "size in the unit of the channel: N, N m")
+            .within(-1000000.0, 1000000.0)
+            .scale(0.01),
+        Parameter::new("frequency_Hz", "Hz", "of a periodic action; 0 is steady")
+            .within(0.0, 1000.0)
+            .scale(0.1),
+        Parameter::new("direction_rad", "rad", "of a force, in the table frame")
+            .within(-7.0, 7.0)
+            .scale(0.3),
+        Parameter::new(
+            "phase_rad",
+            "rad",
+            "of a periodic action at the start of the run",
+        )
+        .nominal(std::f64::consts::FRAC_PI_2)
+        .within(-7.0, 7.0)
+        .scale(0.3),
+    ],
+};
+
+impl EffectKind for Unmodelled {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn act(&self, effect: &Effect, physics: &mut Physics) {
+        match effect.channel() {
+            Some("base_force") => physics.base_laws.push(BaseLaw {
+                law: force,
+                values: effect.padded(),
+            }),
+            Some("base_torque") => physics.base_laws.push(BaseLaw {
+                law: torque,
+                values: effect.padded(),
+            }),
+            _ => {}
+        }
+    }
+}
+
+fn sine(p: &[f64; MAX_PARAMETERS], t_s: f64) -> f64 {
+    p[0] * (std::f64::consts::TAU * p[1] * t_s + p[3]).sin()
+}
+
+fn force(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    let (sin, cos) = p[2].sin_cos();
+    let size = sine(p, base.t_s);
+    [size * cos, size * sin, 0.0]
+}
+
+fn torque(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    [0.0, 0.0, sine(p, base.t_s)]
+}

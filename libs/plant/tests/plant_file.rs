@@ -1,0 +1,275 @@
+//! What a plant file may say, and what happens when it says what cannot be.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use fss_plant::{DEFAULT_PLANT, Effect, Plant, effects};
+
+const SMALL: &str = "\
+[base]
+mass_kg = 10.0
+inertia_kg_m2 = 0.25
+thrust_N = 0.159
+
+[[thruster]]
+position_m = [0.135, 0.065]
+force_direction = [-1, 0]
+
+[[link]]
+length_m = 0.38
+com_to_next_joint_m = 0.19
+mass_kg = 2.88
+inertia_kg_m2 = 0.034
+joint_limit_rad = 1.57
+torque_constant_N_m_A = 0.6
+max_torque_N_m = 1.8
+";
+
+/// Parses `text` and returns the refused line's text, its number and the whole message.
+fn refusal(text: &str) -> (String, usize, String) {
+    let error = Plant::parse(text).expect_err("the plant must be refused");
+    let line = text.lines().nth(error.line - 1).unwrap().to_owned();
+    assert!(!error.help.is_empty());
+    (line, error.line, error.to_string())
+}
+
+fn replaced(from: &str, to: &str) -> String {
+    assert!(SMALL.contains(from));
+    SMALL.replace(from, to)
+}
+
+#[test]
+fn the_default_laboratory_is_the_papers() {
+    let plant = Plant::default_laboratory().unwrap();
+    assert_eq!(plant.links.len(), 4);
+    assert_eq!(plant.thrusters.len(), 8);
+    assert_eq!(plant.links[3].length_m, 0.3351);
+    let arm_kg: f64 = plant.links.iter().map(|l| l.mass_kg).sum();
+    assert!(arm_kg > plant.base.mass_kg, "the arm outweighs the base");
+    assert!(plant.effects.is_empty());
+}
+
+#[test]
+fn a_plant_survives_being_written_and_read() {
+    let plant = Plant::default_laboratory().unwrap();
+    assert_eq!(Plant::parse(&plant.to_toml().unwrap()).unwrap(), plant);
+}
+
+#[test]
+fn every_effect_survives_being_written_and_read() {
+    let plant = Plant::default_laboratory().unwrap();
+    let all: Vec<Effect> = effects::catalogue()
+        .iter()
+        .map(|kind| {
+            let mut effect = Effect::of(*kind).at_some_place().nominal(&plant);
+            for p in kind.about().parameters {
+                let value = effect.get(p.name).unwrap() + 0.5 * p.scale;
+                let inside = value.clamp(p.lower, p.upper);
+                effect.set(p.name, inside).unwrap();
+            }
+            if kind.about().id == "valve_swap" {
+                effect = effect.with(&[5.0]);
+            }
+            effect.from_onset(3.25)
+        })
+        .collect();
+    let extended = plant.with_effects(&all);
+    let read = Plant::parse(&extended.to_toml().unwrap()).unwrap();
+    assert_eq!(read.effects, all);
+    assert_eq!(read, extended);
+}
+
+/// An index or channel for the kinds that take one.
+trait SomePlace {
+    fn at_some_place(self) -> Self;
+}
+
+impl SomePlace for Effect {
+    fn at_some_place(self) -> Self {
+        use fss_plant::Index;
+        match self.about().index {
+            Index::None => self,
+            Index::Thruster | Index::Link | Index::Joint => self.at(2),
+            Index::Channel => self.on("gyro"),
+        }
+    }
+}
+
+#[test]
+fn the_catalogue_has_every_effect_of_the_design() {
+    let design = "table_tilt base_linear_drag base_angular_drag base_quadratic_drag \
+        base_coulomb_drag body_force tether_torsion tether_linear base_mass base_inertia base_com \
+        link_mass link_com link_inertia payload joint_coulomb_friction joint_viscous_friction \
+        joint_stribeck_friction joint_spring joint_flexibility joint_backlash \
+        drive_kinematic_error torque_constant torque_sensor encoder_offset encoder_scale \
+        thruster_gain thruster_leak thruster_misalignment thruster_delay thruster_rise_time \
+        thruster_pressure_droop thruster_pressure_trend valve_swap plume_impingement \
+        mocap_latency mocap_rotation marker_offset marker_yaw gyro_bias gyro_scale link_latency \
+        clock_offset unmodelled";
+    for id in design.split_whitespace() {
+        assert!(effects::find(id).is_some(), "{id}");
+    }
+}
+
+#[test]
+fn impossible_values_are_refused_at_their_line() {
+    for (from, to, line, reason) in [
+        ("mass_kg = 10.0", "mass_kg = -10.0", 2, "greater than 0"),
+        (
+            "inertia_kg_m2 = 0.25",
+            "inertia_kg_m2 = 0.0",
+            3,
+            "greater than 0",
+        ),
+        ("mass_kg = 2.88", "mass_kg = nan", 13, "not a number"),
+        (
+            "force_direction = [-1, 0]",
+            "force_direction = [0, 0]",
+            8,
+            "no length",
+        ),
+        ("length_m = 0.38", "length_m = inf", 11, "not a number"),
+        (
+            "max_torque_N_m = 1.8",
+            "max_torque_N_m = -1.8",
+            17,
+            "negative",
+        ),
+        (
+            "max_torque_N_m = 1.8",
+            "max_torque_Nm = 1.8",
+            17,
+            "unknown field",
+        ),
+        ("mass_kg = 2.88", "mass_kg = \"2.88\"", 13, "expected f64"),
+        ("mass_kg = 2.88\n", "", 10, "missing field"),
+        ("thrust_N = 0.159\n", "", 5, "how strong"),
+    ] {
+        let text = replaced(from, to);
+        let (_, number, message) = refusal(&text);
+        assert_eq!(number, line, "{message}");
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+#[test]
+fn a_clamped_base_needs_links_to_move() {
+    let (_, line, message) = refusal("[base]\nclamped = true\n");
+    assert_eq!(line, 2);
+    assert!(message.contains("nothing that can move"), "{message}");
+}
+
+#[test]
+fn a_clamped_base_needs_no_mass() {
+    let text = replaced("mass_kg = 10.0\ninertia_kg_m2 = 0.25", "clamped = true");
+    assert!(Plant::parse(&text).unwrap().base.clamped);
+}
+
+#[test]
+fn a_base_without_arm_and_thrusters_is_a_plant() {
+    let plant = Plant::parse("[base]\nmass_kg = 10\ninertia_kg_m2 = 0.2\n").unwrap();
+    assert_eq!(plant.link_count(), 0);
+}
+
+#[test]
+fn effects_that_cannot_be_are_refused_at_their_line() {
+    for (table, at, reason) in [
+        (
+            "id = \"thruster_gian\"\nscale = 0.7",
+            0,
+            "did you mean thruster_gain?",
+        ),
+        (
+            "id = \"thruster_gain\"\nindex = 2\nscale = 0.7",
+            1,
+            "the plant has 1",
+        ),
+        (
+            "id = \"thruster_gain\"\nindex = 0\nscale = 0.7",
+            1,
+            "from 1",
+        ),
+        (
+            "id = \"thruster_gain\"\nindex = 1\ngain = 0.7",
+            2,
+            "no parameter \"gain\"",
+        ),
+        (
+            "id = \"thruster_gain\"\nindex = 1\nscale = -0.7",
+            2,
+            "outside of 0 to 10",
+        ),
+        (
+            "id = \"table_tilt\"\naccel_x_m_s2 = nan",
+            1,
+            "finite number",
+        ),
+        (
+            "id = \"table_tilt\"\nindex = 1\naccel_x_m_s2 = 0.1",
+            1,
+            "takes no index",
+        ),
+        ("id = \"table_tilt\"", 0, "without any of its parameters"),
+        (
+            "id = \"clock_offset\"\nchannel = \"sundial\"\noffset_s = 1",
+            1,
+            "gyro",
+        ),
+        (
+            "id = \"valve_swap\"\nindex = 1\nother_index = 1",
+            2,
+            "two different",
+        ),
+        (
+            "id = \"gyro_bias\"\nbias_rad_s = 1e-3\nonset_s = -1",
+            2,
+            "time in the run",
+        ),
+    ] {
+        let text = format!("{SMALL}\n[[effect]]\n{table}\n");
+        let (line, _, message) = refusal(&text);
+        assert_eq!(line, table.lines().nth(at).unwrap(), "{message}");
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+#[test]
+fn an_error_points_into_the_text() {
+    let text = DEFAULT_PLANT.replacen("mass_kg = 10.0", "mass_kg = -3.5", 1);
+    let error = Plant::parse(&text).unwrap_err();
+    assert_eq!(&text[error.span.clone()], "-3.5");
+    assert_eq!(text.lines().nth(error.line - 1).unwrap().trim_start(), {
+        let start = text.find("mass_kg = -3.5").unwrap();
+        text[start..].lines().next().unwrap()
+    });
+}
+
+#[test]
+fn every_measured_case_is_a_plant() {
+    let cases = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/measured/cases"
+    );
+    let Ok(cases) = std::fs::read_dir(cases) else {
+        println!("skipped: no measured cases beside the repository");
+        return;
+    };
+    for case in cases.flatten() {
+        let file = case.path().join("plant.toml");
+        let text = std::fs::read_to_string(&file).unwrap();
+        let plant = Plant::parse(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        assert_eq!(Plant::parse(&plant.to_toml().unwrap()).unwrap(), plant);
+    }
+}
+
+#[test]
+fn the_page_of_effects_is_current() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/effects.md");
+    let page = fss_plant::effects_table_markdown();
+    if std::env::var_os("FSS_BLESS").is_some() {
+        std::fs::write(file, &page).unwrap();
+    }
+    assert_eq!(
+        std::fs::read_to_string(file).unwrap(),
+        page,
+        "write it again: FSS_BLESS=1 cargo test -p fss-plant"
+    );
+}
