@@ -10,6 +10,7 @@
 //! documentation of its topic and a hash that travels in the type's name through shared memory, so that two builds
 //! that disagree about a layout do not talk to each other.
 
+mod event;
 mod samples;
 
 mod schema;
