@@ -1,1 +1,3 @@
-//! MCAP logs and measured experiments, written and read
+//! To disk and back: MCAP logs of the stack's own ([`log`]), and measured experiments (`fss-experiment/1`).
+
+pub mod log;
