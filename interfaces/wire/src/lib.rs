@@ -1,1 +1,20 @@
-//! Device protocols: VICON object stream, DSP-3000 line, link datagram
+//! Device protocols: every byte that crosses between the vehicle's computer and a device.
+//!
+//! | module | device | transport |
+//! | --- | --- | --- |
+//! | [`vicon`] | overhead motion capture | UDP, the Tracker object stream |
+//! | [`dsp3000`] | fibre-optic gyro KVH DSP-3000 | RS-232, 38400 8N1, ASCII lines |
+//! | [`link`] | one modular arm link | UDP, a datagram of our own |
+//! | [`valves`] | the thruster valves of the simulated laboratory | Unix stream, 8-byte frames |
+//!
+//! Each module has an encoder and a decoder, because the laboratory speaks as the device and a service listens. Decoders
+//! take whatever arrives: they never panic, never allocate, look at a bounded number of bytes, and name what is wrong.
+//! All numbers on the wire are little endian and packed. No socket, file or clock is touched here.
+
+#![forbid(unsafe_code)]
+
+mod bytes;
+pub mod dsp3000;
+pub mod link;
+pub mod valves;
+pub mod vicon;
