@@ -1,0 +1,86 @@
+//! Momentum, and what it does to the coupling of arm and base.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use crate::{Coordinates, JointJacobian, JointVector, MAX_LINKS, Model, State};
+
+/// Momentum of base and arm together, in table axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Momentum {
+    /// Linear, kg m/s.
+    pub linear: Vector2<f64>,
+    /// Angular about the base frame's origin, kg m^2/s.
+    pub angular_about_base: f64,
+    /// Angular about the centre of mass of the whole, kg m^2/s: constant where no force acts.
+    pub angular_about_com: f64,
+}
+
+impl Momentum {
+    /// `[Px, Py, L]` with `L` about the base frame's origin, as [`Model::base_twist`] takes it.
+    pub fn about_base(&self) -> Vector3<f64> {
+        Vector3::new(self.linear.x, self.linear.y, self.angular_about_base)
+    }
+}
+
+impl Model {
+    /// Linear and angular momentum (reflected rotor inertia carries none: see [`crate::Link::rotor_inertia_kg_m2`]).
+    pub fn momentum(&self, state: &State) -> Momentum {
+        let inertia = self.mass_matrix(&state.q);
+        let about_base = inertia.fixed_rows::<3>(0) * state.v;
+        let linear = Vector2::new(about_base.x, about_base.y);
+        let lever = self.center_of_mass(&state.q) - Vector2::new(state.q[0], state.q[1]);
+        Momentum {
+            linear,
+            angular_about_base: about_base.z,
+            angular_about_com: about_base.z - (lever.x * linear.y - lever.y * linear.x),
+        }
+    }
+
+    /// Twist of a floating base, `[vx, vy, omega]` of its origin in table axes, per joint rate at zero momentum, 3 x n:
+    /// `-H_b^-1 H_bm`. Zero for a clamped base.
+    pub fn base_jacobian(&self, q: &Coordinates) -> JointJacobian {
+        let (inverse, coupling) = self.coupling(q);
+        -inverse * coupling
+    }
+
+    /// Twist of a floating base, `[vx, vy, omega]`, that joint rates (rad/s) and a momentum `[Px, Py, L about the base
+    /// origin]` imply: `H_b^-1 (momentum - H_bm rates)`. Zero for a clamped base.
+    pub fn base_twist(&self, q: &Coordinates, joint_rates: &JointVector, momentum: &Vector3<f64>) -> Vector3<f64> {
+        let (inverse, coupling) = self.coupling(q);
+        inverse * (momentum - coupling * joint_rates)
+    }
+
+    /// Generalized Jacobian, 3 x n: twist `[vx, vy, omega]` of the end-effector per joint rate when the momentum is
+    /// zero and the base free, `J_m - J_b H_b^-1 H_bm` (Umetani and Yoshida 1989, equation 17).
+    ///
+    /// With momentum the tip moves besides with `J_b base_twist(q, 0, momentum)`: [`Model::momentum_drift`]. For a
+    /// clamped base it is the manipulator Jacobian `J_m`.
+    pub fn generalized_jacobian(&self, q: &Coordinates) -> JointJacobian {
+        let jacobian = self.jacobian(q);
+        jacobian.fixed_columns::<MAX_LINKS>(3) + jacobian.fixed_columns::<3>(0) * self.base_jacobian(q)
+    }
+
+    /// Twist of the end-effector when the joints stand still and the momentum is `[Px, Py, L about the base origin]`:
+    /// what is to be added to `generalized_jacobian * rates`.
+    pub fn momentum_drift(&self, q: &Coordinates, momentum: &Vector3<f64>) -> Vector3<f64> {
+        self.jacobian(q).fixed_columns::<3>(0) * self.base_twist(q, &JointVector::zeros(), momentum)
+    }
+
+    /// Angular rate of the base per joint rate at zero momentum, one entry a joint: `-h_s / H_s`. Joint rates
+    /// orthogonal to it (the reaction null space, Yoshida et al. 2001) leave the base's attitude alone.
+    pub fn reaction_vector(&self, q: &Coordinates) -> JointVector {
+        self.base_jacobian(q).row(2).transpose()
+    }
+
+    /// Inverse of the base's inertia `H_b` and the coupling `H_bm`; both zero for a clamped base.
+    fn coupling(&self, q: &Coordinates) -> (Matrix3<f64>, JointJacobian) {
+        if self.base().clamped {
+            return (Matrix3::zeros(), JointJacobian::zeros());
+        }
+        let inertia = self.mass_matrix(q);
+        let base: Matrix3<f64> = inertia.fixed_view::<3, 3>(0, 0).into_owned();
+        let coupling = inertia.fixed_view::<3, MAX_LINKS>(0, 3).into_owned();
+        // A floating base has mass and inertia (checked in `Model::new`), so H_b is positive definite.
+        (base.try_inverse().unwrap_or_else(Matrix3::zeros), coupling)
+    }
+}
