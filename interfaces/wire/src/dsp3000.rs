@@ -94,16 +94,9 @@ impl Line {
     /// finite becomes a zero that is flagged invalid.
     pub fn encode(reading: Reading) -> Self {
         let finite = reading.value_rad.is_finite();
-        let degrees = if finite {
-            reading.value_rad.to_degrees().clamp(-MAX_DEG, MAX_DEG)
-        } else {
-            0.0
-        };
+        let degrees = if finite { reading.value_rad.to_degrees().clamp(-MAX_DEG, MAX_DEG) } else { 0.0 };
         let micro_degrees = (degrees * 1e6).round() as i64;
-        let mut line = Self {
-            bytes: [0; MAX_LINE_LEN],
-            len: 0,
-        };
+        let mut line = Self { bytes: [0; MAX_LINE_LEN], len: 0 };
         if micro_degrees < 0 {
             line.push(b'-');
         }
@@ -150,12 +143,7 @@ pub struct Decoder {
 
 impl Default for Decoder {
     fn default() -> Self {
-        Self {
-            line: [0; MAX_LINE_LEN],
-            len: 0,
-            skipping: true,
-            rejected: 0,
-        }
+        Self { line: [0; MAX_LINE_LEN], len: 0, skipping: true, rejected: 0 }
     }
 }
 
@@ -168,11 +156,7 @@ impl Decoder {
     /// Takes the next byte; a reading comes with the byte that ends its line.
     pub fn push(&mut self, byte: u8) -> Option<Reading> {
         if byte == b'\n' {
-            let reading = if self.skipping {
-                None
-            } else {
-                parse(self.line.get(..self.len)?)
-            };
+            let reading = if self.skipping { None } else { parse(self.line.get(..self.len)?) };
             if reading.is_none() && !self.skipping {
                 self.rejected += 1;
             }

@@ -8,7 +8,7 @@
 //! | 4 | u8 | version, 1 |
 //! | 5 | u8 | kind: 1 command, 2 telemetry |
 //! | 6 | u8 | link, counted from 1 at the base |
-//! | 7 | u8 | mode: 0 disabled, 1 current, 2 velocity, 3 position |
+//! | 7 | u8 | mode: 0 disabled, 1 position, 2 velocity, 3 current |
 //! | 8 | u64 | sequence number, increasing |
 //! | 16 | u64 | time of sending on the sender's own clock (ns, from an arbitrary start) |
 //!
@@ -71,12 +71,12 @@ pub enum Mode {
     /// Driver off, the motor free.
     #[default]
     Disabled = 0,
-    /// Motor current.
-    Current = 1,
+    /// Joint angle.
+    Position = 1,
     /// Joint rate.
     Velocity = 2,
-    /// Joint angle.
-    Position = 3,
+    /// Motor current.
+    Current = 3,
 }
 
 impl Mode {
@@ -84,9 +84,9 @@ impl Mode {
     pub const fn from_u8(number: u8) -> Option<Self> {
         match number {
             0 => Some(Self::Disabled),
-            1 => Some(Self::Current),
+            1 => Some(Self::Position),
             2 => Some(Self::Velocity),
-            3 => Some(Self::Position),
+            3 => Some(Self::Current),
             _ => None,
         }
     }
@@ -97,18 +97,18 @@ impl Mode {
 pub struct Faults(pub u8);
 
 impl Faults {
-    /// Commands stopped and the driver disabled itself.
-    pub const COMMAND_LOST: Self = Self(1);
+    /// The driver or its encoder failed.
+    pub const DRIVER: Self = Self(1);
     /// The torque sensor's converter is at its end.
     pub const TORQUE_SATURATED: Self = Self(1 << 1);
     /// The joint is at its limit and the driver holds it there.
     pub const JOINT_LIMIT: Self = Self(1 << 2);
-    /// The driver gives less than asked because of its torque or current limit.
-    pub const TORQUE_LIMIT: Self = Self(1 << 3);
+    /// Commands stopped and the driver disabled itself.
+    pub const COMMAND_LOST: Self = Self(1 << 3);
     /// The battery is nearly empty.
     pub const BATTERY_LOW: Self = Self(1 << 4);
-    /// The encoder or its cable is broken.
-    pub const ENCODER: Self = Self(1 << 5);
+    /// The driver gives less than asked because of its torque or current limit.
+    pub const TORQUE_LIMIT: Self = Self(1 << 5);
 
     /// Whether all bits of `other` are set.
     pub const fn contains(self, other: Self) -> bool {
@@ -117,11 +117,7 @@ impl Faults {
 
     /// These faults, and those of `other` if `present`.
     pub const fn with(self, other: Self, present: bool) -> Self {
-        if present {
-            Self(self.0 | other.0)
-        } else {
-            self
-        }
+        if present { Self(self.0 | other.0) } else { self }
     }
 }
 
@@ -198,28 +194,9 @@ pub struct Command {
 impl Command {
     /// The datagram, signed with `key`.
     pub fn encode(&self, key: &Key) -> [u8; DATAGRAM_LEN] {
-        let Self {
-            link,
-            mode,
-            sequence,
-            time_ns,
-            ..
-        } = *self;
-        let mut fields = Fields::begin(
-            KIND_COMMAND,
-            &Header {
-                link,
-                mode,
-                sequence,
-                time_ns,
-            },
-        );
-        for value in [
-            self.position_rad,
-            self.velocity_rad_s,
-            self.current_a,
-            self.max_torque_nm,
-        ] {
+        let Self { link, mode, sequence, time_ns, .. } = *self;
+        let mut fields = Fields::begin(KIND_COMMAND, &Header { link, mode, sequence, time_ns });
+        for value in [self.position_rad, self.velocity_rad_s, self.current_a, self.max_torque_nm] {
             fields.put(value.to_le_bytes());
         }
         let tag = key.tag(fields.so_far());
@@ -230,9 +207,7 @@ impl Command {
     /// Reads a datagram and checks form, checksum and tag; the caller checks `link` and the sequence number.
     pub fn decode(datagram: &[u8], key: &Key) -> Result<Self, LinkError> {
         let (header, mut body) = open(datagram, KIND_COMMAND)?;
-        let short = LinkError::Length {
-            len: datagram.len(),
-        };
+        let short = LinkError::Length { len: datagram.len() };
         let command = Self {
             link: header.link,
             sequence: header.sequence,
@@ -245,11 +220,7 @@ impl Command {
         };
         let tag = body.array::<TAG_LEN>().ok_or(short)?;
         let tagged = datagram.get(..TAGGED_LEN).ok_or(short)?;
-        if key.verifies(tagged, &tag) {
-            Ok(command)
-        } else {
-            Err(LinkError::Tag)
-        }
+        if key.verifies(tagged, &tag) { Ok(command) } else { Err(LinkError::Tag) }
     }
 }
 
@@ -285,22 +256,8 @@ pub struct Telemetry {
 impl Telemetry {
     /// The datagram.
     pub fn encode(&self) -> [u8; DATAGRAM_LEN] {
-        let Self {
-            link,
-            mode,
-            sequence,
-            time_ns,
-            ..
-        } = *self;
-        let mut fields = Fields::begin(
-            KIND_TELEMETRY,
-            &Header {
-                link,
-                mode,
-                sequence,
-                time_ns,
-            },
-        );
+        let Self { link, mode, sequence, time_ns, .. } = *self;
+        let mut fields = Fields::begin(KIND_TELEMETRY, &Header { link, mode, sequence, time_ns });
         for value in [self.position_rad, self.velocity_rad_s, self.current_a] {
             fields.put(value.to_le_bytes());
         }
@@ -315,9 +272,7 @@ impl Telemetry {
     /// Reads a datagram and checks its form and checksum; the caller checks `link` and the sequence number.
     pub fn decode(datagram: &[u8]) -> Result<Self, LinkError> {
         let (header, mut body) = open(datagram, KIND_TELEMETRY)?;
-        let short = LinkError::Length {
-            len: datagram.len(),
-        };
+        let short = LinkError::Length { len: datagram.len() };
         Ok(Self {
             link: header.link,
             sequence: header.sequence,

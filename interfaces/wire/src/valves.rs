@@ -40,9 +40,7 @@ impl ValveFrame {
         let checked = [MAGIC, mask0, mask1, count0, count1, count2, count3];
         let mut frame = [0; FRAME_LEN];
         let mut writer = Writer::new(&mut frame);
-        let _fits = writer
-            .put(&checked)
-            .and_then(|()| writer.put(&[CRC.checksum(&checked)]));
+        let _fits = writer.put(&checked).and_then(|()| writer.put(&[CRC.checksum(&checked)]));
         frame
     }
 

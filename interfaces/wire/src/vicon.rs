@@ -80,9 +80,7 @@ pub enum ViconError {
         items: u8,
     },
     /// An object item is too small to hold a pose.
-    #[error(
-        "VICON item {item} is an object of {size} bytes, an object has at least {OBJECT_BODY_LEN}"
-    )]
+    #[error("VICON item {item} is an object of {size} bytes, an object has at least {OBJECT_BODY_LEN}")]
     ShortObject {
         /// Item, from 1.
         item: u8,
@@ -102,9 +100,7 @@ pub enum ViconError {
         index: usize,
     },
     /// More objects than [`MAX_OBJECTS`], or a buffer too small for them.
-    #[error(
-        "{objects} objects do not fit into a buffer of {capacity} bytes (at most {MAX_OBJECTS} in a frame)"
-    )]
+    #[error("{objects} objects do not fit into a buffer of {capacity} bytes (at most {MAX_OBJECTS} in a frame)")]
     Full {
         /// Objects to be encoded.
         objects: usize,
@@ -127,17 +123,9 @@ impl<'a> Frame<'a> {
         let len = datagram.len();
         let mut reader = Reader(datagram);
         let (Some(number), Some(items)) = (reader.u32(), reader.u8()) else {
-            return Err(ViconError::Truncated {
-                len,
-                item: 0,
-                items: 0,
-            });
+            return Err(ViconError::Truncated { len, item: 0, items: 0 });
         };
-        let frame = Self {
-            number,
-            items,
-            body: reader.0,
-        };
+        let frame = Self { number, items, body: reader.0 };
         for item in 1..=items {
             read_item(&mut reader, item, items, len)?;
         }
@@ -164,12 +152,7 @@ impl<'a> Frame<'a> {
 }
 
 /// Reads one item; `None` for an item that is no object.
-fn read_item<'a>(
-    reader: &mut Reader<'a>,
-    item: u8,
-    items: u8,
-    len: usize,
-) -> Result<Option<Object<'a>>, ViconError> {
+fn read_item<'a>(reader: &mut Reader<'a>, item: u8, items: u8, len: usize) -> Result<Option<Object<'a>>, ViconError> {
     let truncated = ViconError::Truncated { len, item, items };
     let id = reader.u8().ok_or(truncated)?;
     let size = reader.u16().ok_or(truncated)?;
@@ -183,19 +166,12 @@ fn read_item<'a>(
     let name = core::str::from_utf8(name).map_err(|_| ViconError::Name { item })?;
     let position_mm = body.f64x3().ok_or(short)?;
     let rotation_rad = body.f64x3().ok_or(short)?;
-    Ok(Some(Object {
-        name,
-        position_m: position_mm.map(|mm| mm * M_PER_MM),
-        rotation_rad,
-    }))
+    Ok(Some(Object { name, position_m: position_mm.map(|mm| mm * M_PER_MM), rotation_rad }))
 }
 
 /// Writes one frame into `buffer` and returns its length in bytes; [`MAX_DATAGRAM_LEN`] bytes are always enough.
 pub fn encode(number: u32, objects: &[Object<'_>], buffer: &mut [u8]) -> Result<usize, ViconError> {
-    let full = ViconError::Full {
-        objects: objects.len(),
-        capacity: buffer.len(),
-    };
+    let full = ViconError::Full { objects: objects.len(), capacity: buffer.len() };
     if objects.len() > MAX_OBJECTS {
         return Err(full);
     }

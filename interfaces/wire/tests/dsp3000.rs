@@ -6,23 +6,14 @@ use proptest::prelude::*;
 
 fn read(bytes: &[u8]) -> Vec<Reading> {
     let mut decoder = Decoder::new();
-    bytes
-        .iter()
-        .filter_map(|byte| decoder.push(*byte))
-        .collect()
+    bytes.iter().filter_map(|byte| decoder.push(*byte)).collect()
 }
 
 #[test]
 fn a_line_has_the_form_of_the_units_manual() {
-    let reading = Reading {
-        value_rad: (-12.345678_f64).to_radians(),
-        valid: true,
-    };
+    let reading = Reading { value_rad: (-12.345678_f64).to_radians(), valid: true };
     assert_eq!(Line::encode(reading).as_bytes(), b"-012.345678 1\r\n");
-    let fault = Reading {
-        value_rad: 90.0_f64.to_radians(),
-        valid: false,
-    };
+    let fault = Reading { value_rad: 90.0_f64.to_radians(), valid: false };
     assert_eq!(Line::encode(fault).as_bytes(), b"090.000000 0\r\n");
 }
 
@@ -47,10 +38,7 @@ fn the_piece_of_a_line_with_which_the_stream_begins_is_not_believed() {
 fn a_spoilt_line_costs_itself_only_and_is_counted() {
     let mut decoder = Decoder::new();
     let stream = b"\n001.000000 1\r\n00x.000000 1\r\n001.0000 1\r\n001.000000 2\r\n\xff\xfe rubbish that goes on and on and on\n002.000000 1\r\n";
-    let readings: Vec<_> = stream
-        .iter()
-        .filter_map(|byte| decoder.push(*byte))
-        .collect();
+    let readings: Vec<_> = stream.iter().filter_map(|byte| decoder.push(*byte)).collect();
     assert_eq!(readings.len(), 2);
     assert_eq!(decoder.rejected(), 4);
 }
@@ -67,36 +55,16 @@ fn a_rate_beyond_the_linear_range_is_not_usable_even_if_flagged_valid() {
 #[test]
 fn a_rate_that_is_none_goes_out_as_a_fault() {
     for value_rad in [f64::NAN, f64::INFINITY] {
-        assert_eq!(
-            Line::encode(Reading {
-                value_rad,
-                valid: true
-            })
-            .as_bytes(),
-            b"000.000000 0\r\n"
-        );
+        assert_eq!(Line::encode(Reading { value_rad, valid: true }).as_bytes(), b"000.000000 0\r\n");
     }
-    assert_eq!(
-        Line::encode(Reading {
-            value_rad: -1e9,
-            valid: true
-        })
-        .as_bytes(),
-        b"-999.999999 1\r\n"
-    );
+    assert_eq!(Line::encode(Reading { value_rad: -1e9, valid: true }).as_bytes(), b"-999.999999 1\r\n");
 }
 
 #[test]
 fn letters_select_the_mode() {
     for mode in [Mode::Rate, Mode::IncrementalAngle, Mode::IntegratedAngle] {
-        assert_eq!(
-            Request::from_byte(mode.letter()),
-            Some(Request::Select(mode))
-        );
-        assert_eq!(
-            Request::from_byte(mode.letter().to_ascii_lowercase()),
-            Some(Request::Select(mode))
-        );
+        assert_eq!(Request::from_byte(mode.letter()), Some(Request::Select(mode)));
+        assert_eq!(Request::from_byte(mode.letter().to_ascii_lowercase()), Some(Request::Select(mode)));
     }
     assert_eq!(Request::from_byte(ZERO_LETTER), Some(Request::Zero));
     assert_eq!(Request::from_byte(b'\r'), None);

@@ -9,10 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 fn setting(name: &str, default: u64) -> u64 {
-    std::env::var(name)
-        .ok()
-        .and_then(|text| text.parse().ok())
-        .unwrap_or(default)
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
 /// Damages copies of `frames` at random and hands each to `check`.
@@ -49,11 +46,7 @@ fn mutate(bytes: &mut Vec<u8>, frames: &[Vec<u8>], rng: &mut ChaCha8Rng) {
 
 #[test]
 fn damaged_vicon_datagrams_never_give_more_than_they_hold() {
-    let object = vicon::Object {
-        name: "base",
-        position_m: [1.0, 2.0, 0.1],
-        rotation_rad: [0.0, 0.0, 0.5],
-    };
+    let object = vicon::Object { name: "base", position_m: [1.0, 2.0, 0.1], rotation_rad: [0.0, 0.0, 0.5] };
     let frames: Vec<_> = (0..4)
         .map(|objects| {
             let mut buffer = [0; vicon::MAX_DATAGRAM_LEN];
@@ -69,33 +62,19 @@ fn damaged_vicon_datagrams_never_give_more_than_they_hold() {
         }
         Err(_) => refused += 1,
     });
-    assert!(
-        read > 100 && refused > 100,
-        "the damage reaches both ends: {read} read, {refused} refused"
-    );
+    assert!(read > 100 && refused > 100, "the damage reaches both ends: {read} read, {refused} refused");
 }
 
 #[test]
 fn damaged_link_datagrams_are_refused() {
     let key = link::Key::new(&[7; 32]).unwrap();
-    let command = link::Command {
-        link: 1,
-        mode: link::Mode::Current,
-        current_a: 0.5,
-        ..Default::default()
-    }
-    .encode(&key);
-    let telemetry = link::Telemetry {
-        link: 2,
-        battery_v: 14.4,
-        ..Default::default()
-    }
-    .encode();
+    let command =
+        link::Command { link: 1, mode: link::Mode::Current, current_a: 0.5, ..Default::default() }.encode(&key);
+    let telemetry = link::Telemetry { link: 2, battery_v: 14.4, ..Default::default() }.encode();
     let frames = [command.to_vec(), telemetry.to_vec()];
     damage(&frames, |bytes| {
         let untouched = frames.iter().any(|frame| frame == bytes);
-        let accepted =
-            link::Command::decode(bytes, &key).is_ok() || link::Telemetry::decode(bytes).is_ok();
+        let accepted = link::Command::decode(bytes, &key).is_ok() || link::Telemetry::decode(bytes).is_ok();
         assert_eq!(accepted, untouched, "{bytes:02x?}");
     });
 }
@@ -103,36 +82,21 @@ fn damaged_link_datagrams_are_refused() {
 #[test]
 fn a_damaged_gyro_stream_is_read_again_one_line_later() {
     let lines: Vec<_> = [-0.5, 0.0, 0.001, 3.0]
-        .map(|value_rad| {
-            dsp3000::Line::encode(dsp3000::Reading {
-                value_rad,
-                valid: true,
-            })
-            .as_bytes()
-            .to_vec()
-        })
+        .map(|value_rad| dsp3000::Line::encode(dsp3000::Reading { value_rad, valid: true }).as_bytes().to_vec())
         .into();
     let mut decoder = dsp3000::Decoder::new();
     damage(&lines, |bytes| {
-        let readings = bytes
-            .iter()
-            .filter(|byte| decoder.push(**byte).is_some())
-            .count();
+        let readings = bytes.iter().filter(|byte| decoder.push(**byte).is_some()).count();
         assert!(readings <= 1 + bytes.len() / 11);
-        let whole: Vec<_> = lines[0]
-            .iter()
-            .chain(&lines[0])
-            .filter_map(|byte| decoder.push(*byte))
-            .collect();
+        let whole: Vec<_> = lines[0].iter().chain(&lines[0]).filter_map(|byte| decoder.push(*byte)).collect();
         assert!((whole.last().unwrap().value_rad + 0.5).abs() < 1e-7);
     });
 }
 
 #[test]
 fn a_damaged_valve_stream_opens_no_valve_that_was_not_asked_for() {
-    let frames: Vec<_> = [0, 0x01, 0x24, 0x81]
-        .map(|mask| valves::ValveFrame { mask, counter: 77 }.encode().to_vec())
-        .into();
+    let frames: Vec<_> =
+        [0, 0x01, 0x24, 0x81].map(|mask| valves::ValveFrame { mask, counter: 77 }.encode().to_vec()).into();
     let (mut right, mut wrong) = (0, 0);
     damage(&frames, |bytes| {
         let mut decoder = valves::Decoder::new();

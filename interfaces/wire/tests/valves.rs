@@ -6,32 +6,19 @@ use proptest::prelude::*;
 
 fn read(bytes: &[u8]) -> Vec<ValveFrame> {
     let mut decoder = Decoder::new();
-    bytes
-        .iter()
-        .filter_map(|byte| decoder.push(*byte))
-        .collect()
+    bytes.iter().filter_map(|byte| decoder.push(*byte)).collect()
 }
 
 #[test]
 fn a_frame_has_the_bytes_of_its_table() {
     // Source: written by an independent script (Python struct, bitwise CRC-8).
-    let frame = ValveFrame {
-        mask: 0x0081,
-        counter: 258,
-    };
-    assert_eq!(
-        frame.encode(),
-        [0x56, 0x81, 0x00, 0x02, 0x01, 0x00, 0x00, 0xd8]
-    );
+    let frame = ValveFrame { mask: 0x0081, counter: 258 };
+    assert_eq!(frame.encode(), [0x56, 0x81, 0x00, 0x02, 0x01, 0x00, 0x00, 0xd8]);
 }
 
 #[test]
 fn every_single_bit_error_is_refused() {
-    let frame = ValveFrame {
-        mask: 0x0081,
-        counter: 258,
-    }
-    .encode();
+    let frame = ValveFrame { mask: 0x0081, counter: 258 }.encode();
     for bit in 0..8 * FRAME_LEN {
         let mut spoilt = frame;
         spoilt[bit / 8] ^= 1 << (bit % 8);

@@ -1,17 +1,11 @@
 //! The VICON object stream, seen from outside.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_wire::vicon::{
-    Frame, HEADER_LEN, MAX_DATAGRAM_LEN, OBJECT_LEN, Object, ViconError, encode,
-};
+use fss_wire::vicon::{Frame, HEADER_LEN, MAX_DATAGRAM_LEN, OBJECT_LEN, Object, ViconError, encode};
 use proptest::prelude::*;
 
 fn base() -> Object<'static> {
-    Object {
-        name: "base",
-        position_m: [1.25, -0.5, 0.2],
-        rotation_rad: [0.0, 0.01, -3.0],
-    }
+    Object { name: "base", position_m: [1.25, -0.5, 0.2], rotation_rad: [0.0, 0.01, -3.0] }
 }
 
 fn datagram(number: u32, objects: &[Object<'_>]) -> Vec<u8> {
@@ -35,12 +29,7 @@ fn item(id: u8, name: &[u8], pose: [f64; 6], extra: &[u8]) -> Vec<u8> {
 #[test]
 fn a_tracker_datagram_written_by_hand_reads_in_metres() {
     let mut bytes = vec![0x39, 0x30, 0, 0, 1];
-    bytes.extend(item(
-        0,
-        b"target",
-        [1500.0, -250.0, 3.0, 0.1, 0.2, 0.3],
-        &[],
-    ));
+    bytes.extend(item(0, b"target", [1500.0, -250.0, 3.0, 0.1, 0.2, 0.3], &[]));
     let frame = Frame::decode(&bytes).unwrap();
     assert_eq!(frame.number(), 12345);
     let object = frame.object("target").unwrap();
@@ -56,32 +45,16 @@ fn longer_items_other_items_and_padding_do_not_hide_an_object() {
     bytes.extend(item(0, b"base", [1.0; 6], &[0xff; 9]));
     bytes.extend(item(0, b"end_effector", [2.0; 6], &[]));
     bytes.extend([0xaa; 100]);
-    let names: Vec<_> = Frame::decode(&bytes)
-        .unwrap()
-        .objects()
-        .map(|object| object.name)
-        .collect();
+    let names: Vec<_> = Frame::decode(&bytes).unwrap().objects().map(|object| object.name).collect();
     assert_eq!(names, ["base", "end_effector"]);
 }
 
 #[test]
 fn every_shortened_datagram_is_called_truncated() {
-    let whole = datagram(
-        5,
-        &[
-            base(),
-            Object {
-                name: "target",
-                ..base()
-            },
-        ],
-    );
+    let whole = datagram(5, &[base(), Object { name: "target", ..base() }]);
     for len in 0..whole.len() {
         let error = Frame::decode(&whole[..len]).unwrap_err();
-        assert!(
-            matches!(error, ViconError::Truncated { .. }),
-            "{len} bytes: {error}"
-        );
+        assert!(matches!(error, ViconError::Truncated { .. }), "{len} bytes: {error}");
     }
 }
 
@@ -89,46 +62,22 @@ fn every_shortened_datagram_is_called_truncated() {
 fn an_object_item_without_room_for_a_pose_is_refused() {
     let mut bytes = datagram(5, &[base()]);
     bytes[HEADER_LEN + 1] = 71;
-    assert_eq!(
-        Frame::decode(&bytes).unwrap_err(),
-        ViconError::ShortObject { item: 1, size: 71 }
-    );
+    assert_eq!(Frame::decode(&bytes).unwrap_err(), ViconError::ShortObject { item: 1, size: 71 });
 }
 
 #[test]
 fn a_name_that_is_no_text_is_refused() {
     let mut bytes = datagram(5, &[base()]);
     bytes[HEADER_LEN + 3] = 0xff;
-    assert_eq!(
-        Frame::decode(&bytes).unwrap_err(),
-        ViconError::Name { item: 1 }
-    );
+    assert_eq!(Frame::decode(&bytes).unwrap_err(), ViconError::Name { item: 1 });
 }
 
 #[test]
 fn zeros_and_numbers_that_are_none_are_not_tracked() {
     assert!(base().is_tracked());
-    assert!(
-        !Object {
-            position_m: [0.0; 3],
-            ..base()
-        }
-        .is_tracked()
-    );
-    assert!(
-        !Object {
-            position_m: [0.0, f64::NAN, 0.0],
-            ..base()
-        }
-        .is_tracked()
-    );
-    assert!(
-        !Object {
-            rotation_rad: [0.0, 0.0, f64::INFINITY],
-            ..base()
-        }
-        .is_tracked()
-    );
+    assert!(!Object { position_m: [0.0; 3], ..base() }.is_tracked());
+    assert!(!Object { position_m: [0.0, f64::NAN, 0.0], ..base() }.is_tracked());
+    assert!(!Object { rotation_rad: [0.0, 0.0, f64::INFINITY], ..base() }.is_tracked());
 }
 
 #[test]
@@ -142,10 +91,7 @@ fn what_does_not_fit_is_refused_by_the_encoder() {
         let unfit = encode(1, &[base(), Object { name, ..base() }], &mut buffer).unwrap_err();
         assert_eq!(unfit, ViconError::UnfitName { index: 1 });
     }
-    assert_eq!(
-        encode(1, &[base(); 16], &mut buffer).unwrap(),
-        MAX_DATAGRAM_LEN
-    );
+    assert_eq!(encode(1, &[base(); 16], &mut buffer).unwrap(), MAX_DATAGRAM_LEN);
 }
 
 proptest! {

@@ -24,10 +24,7 @@ pub(super) struct Fields {
 impl Fields {
     /// Begins with the header.
     pub(super) fn begin(kind: u8, header: &Header) -> Self {
-        let mut fields = Self {
-            bytes: [0; DATAGRAM_LEN],
-            len: 0,
-        };
+        let mut fields = Self { bytes: [0; DATAGRAM_LEN], len: 0 };
         fields.put(MAGIC);
         fields.put([VERSION, kind, header.link, header.mode as u8]);
         fields.put(header.sequence.to_le_bytes());
@@ -56,9 +53,7 @@ impl Fields {
 
 /// Checks everything that both kinds share and hands back the header and what follows it.
 pub(super) fn open(datagram: &[u8], kind: u8) -> Result<(Header, Reader<'_>), LinkError> {
-    let length = LinkError::Length {
-        len: datagram.len(),
-    };
+    let length = LinkError::Length { len: datagram.len() };
     let (body, checksum) = datagram.split_last_chunk::<4>().ok_or(length)?;
     let mut reader = Reader(body);
     if reader.array().ok_or(length)? != MAGIC {
@@ -94,9 +89,5 @@ pub(super) fn open(datagram: &[u8], kind: u8) -> Result<(Header, Reader<'_>), Li
 
 /// Refuses a number that is infinite or none.
 pub(super) fn finite(value: f32) -> Result<f32, LinkError> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(LinkError::NotFinite)
-    }
+    if value.is_finite() { Ok(value) } else { Err(LinkError::NotFinite) }
 }

@@ -21,9 +21,7 @@ impl Key {
         if secret.len() < MIN_KEY_LEN {
             return Err(too_short);
         }
-        Hmac::new_from_slice(secret)
-            .map(Self)
-            .map_err(|_| too_short)
+        Hmac::new_from_slice(secret).map(Self).map_err(|_| too_short)
     }
 
     fn over(&self, bytes: &[u8]) -> Hmac<Sha256> {
