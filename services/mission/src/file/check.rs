@@ -142,7 +142,11 @@ fn arm_goal(raw: &Spanned<raw::Arm>, plant: For) -> Checked<ArmGoal> {
 fn refuse_all(keys: impl Iterator<Item = (&'static str, Option<Range<usize>>)>, why: &str) -> Checked<()> {
     for (key, span) in keys {
         if let Some(span) = span {
-            return Err(Fault::new(span, format!("`{key}` contradicts the goal"), format!("{why}; remove one of the two")));
+            return Err(Fault::new(
+                span,
+                format!("`{key}` contradicts the goal"),
+                format!("{why}; remove one of the two"),
+            ));
         }
     }
     Ok(())
