@@ -5,7 +5,7 @@ use crate::file::Plant;
 use crate::parts::{Battery, Link, Sensors, Servo};
 
 /// Links that the dynamics have room for.
-pub const MAX_LINKS: usize = 8;
+pub const MAX_LINKS: usize = fss_multibody::MAX_LINKS;
 
 type Check = Result<(), Fault>;
 
@@ -65,26 +65,14 @@ fn base(plant: &Plant) -> Check {
 
 fn link(at: &str, link: &Link) -> Check {
     positive(&format!("{at}/length_m"), link.length_m)?;
-    finite(
-        &format!("{at}/com_to_next_joint_m"),
-        link.com_to_next_joint_m,
-    )?;
+    finite(&format!("{at}/com_to_next_joint_m"), link.com_to_next_joint_m)?;
     positive(&format!("{at}/mass_kg"), link.mass_kg)?;
     positive(&format!("{at}/inertia_kg_m2"), link.inertia_kg_m2)?;
     finite(&format!("{at}/joint_offset_rad"), link.joint_offset_rad)?;
     positive(&format!("{at}/joint_limit_rad"), link.joint_limit_rad)?;
-    non_negative(
-        &format!("{at}/coulomb_friction_N_m"),
-        link.coulomb_friction_n_m,
-    )?;
-    non_negative(
-        &format!("{at}/viscous_friction_N_m_s_rad"),
-        link.viscous_friction_n_m_s_rad,
-    )?;
-    positive(
-        &format!("{at}/torque_constant_N_m_A"),
-        link.torque_constant_n_m_a,
-    )?;
+    non_negative(&format!("{at}/coulomb_friction_N_m"), link.coulomb_friction_n_m)?;
+    non_negative(&format!("{at}/viscous_friction_N_m_s_rad"), link.viscous_friction_n_m_s_rad)?;
+    positive(&format!("{at}/torque_constant_N_m_A"), link.torque_constant_n_m_a)?;
     non_negative(&format!("{at}/max_torque_N_m"), link.max_torque_n_m)?;
     if let Some(own) = &link.servo {
         servo(&format!("{at}/servo"), own)?;
@@ -128,10 +116,7 @@ fn devices(plant: &Plant) -> Check {
     non_negative("valves/rise_s", valves.rise_s)?;
     non_negative("valves/fall_s", valves.fall_s)?;
     non_negative("valves/min_on_s", valves.min_on_s)?;
-    fraction(
-        "valves/droop_fraction_per_extra_valve",
-        valves.droop_fraction_per_extra_valve,
-    )?;
+    fraction("valves/droop_fraction_per_extra_valve", valves.droop_fraction_per_extra_valve)?;
     if let Some(tank) = &plant.tank {
         positive("tank/pressure_Pa", tank.pressure_pa)?;
         positive("tank/volume_m3", tank.volume_m3)?;
@@ -142,10 +127,7 @@ fn devices(plant: &Plant) -> Check {
         if !plant.base.clamped && tank.gas_kg() >= plant.base.mass_kg {
             return Err(Fault::new(
                 "tank",
-                format!(
-                    "the full tank holds {:.3} kg of gas, more than the base weighs",
-                    tank.gas_kg()
-                ),
+                format!("the full tank holds {:.3} kg of gas, more than the base weighs", tank.gas_kg()),
                 "check pressure_Pa and volume_m3, or base.mass_kg, which includes the gas",
             ));
         }
@@ -191,10 +173,7 @@ fn sensors(sensors: &Sensors) -> Check {
         ("mocap_angle_rad", sensors.mocap_angle_rad),
         ("mocap_latency_s", sensors.mocap_latency_s),
         ("gyro_rad_s", sensors.gyro_rad_s),
-        (
-            "gyro_bias_walk_rad_s_sqrt_s",
-            sensors.gyro_bias_walk_rad_s_sqrt_s,
-        ),
+        ("gyro_bias_walk_rad_s_sqrt_s", sensors.gyro_bias_walk_rad_s_sqrt_s),
         ("encoder_rad", sensors.encoder_rad),
         ("encoder_rate_rad_s", sensors.encoder_rate_rad_s),
         ("encoder_step_rad", sensors.encoder_step_rad),
@@ -259,10 +238,7 @@ fn finite(path: &str, value: f64) -> Check {
     } else {
         Err(Fault::new(
             path,
-            format!(
-                "{} is {value}, which is not a number to compute with",
-                key(path)
-            ),
+            format!("{} is {value}, which is not a number to compute with", key(path)),
             "give a finite number",
         ))
     }

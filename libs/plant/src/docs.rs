@@ -43,14 +43,8 @@ fn row(page: &mut String, about: &About) {
 }
 
 fn cell(parameter: &Parameter) -> String {
-    let unit = if parameter.unit.is_empty() {
-        String::new()
-    } else {
-        format!(" [{}]", parameter.unit)
-    };
-    let nominal = parameter
-        .nominal
-        .map_or_else(|| "plant".to_owned(), |value| value.to_string());
+    let unit = if parameter.unit.is_empty() { String::new() } else { format!(" [{}]", parameter.unit) };
+    let nominal = parameter.nominal.map_or_else(|| "plant".to_owned(), |value| value.to_string());
     format!(
         "`{}`: {}{unit}; nominal {nominal}, {} to {}",
         parameter.name, parameter.meaning, parameter.lower, parameter.upper

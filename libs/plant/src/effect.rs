@@ -106,15 +106,7 @@ pub struct Parameter {
 impl Parameter {
     /// A parameter whose nominal value is 0, without bounds.
     pub const fn new(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
-        Self {
-            name,
-            unit,
-            meaning,
-            nominal: Some(0.0),
-            lower: f64::MIN,
-            upper: f64::MAX,
-            scale: 1.0,
-        }
+        Self { name, unit, meaning, nominal: Some(0.0), lower: f64::MIN, upper: f64::MAX, scale: 1.0 }
     }
 
     /// The same with another nominal value.
@@ -206,10 +198,8 @@ pub struct EffectError {
 impl Effect {
     /// The effect `id` with its parameters at their plain nominal values, on all indices, from the start.
     pub fn new(id: &str) -> Result<Self, EffectError> {
-        let kind = effects::find(id).ok_or_else(|| EffectError {
-            message: format!("there is no effect {id:?}"),
-            help: suggestion(id),
-        })?;
+        let kind = effects::find(id)
+            .ok_or_else(|| EffectError { message: format!("there is no effect {id:?}"), help: suggestion(id) })?;
         Ok(Self::of(kind))
     }
 
@@ -219,14 +209,7 @@ impl Effect {
         for (value, parameter) in values.iter_mut().zip(kind.about().parameters) {
             *value = parameter.nominal.unwrap_or(0.0);
         }
-        Self {
-            kind,
-            index: None,
-            channel: None,
-            description: None,
-            onset_s: None,
-            values,
-        }
+        Self { kind, index: None, channel: None, description: None, onset_s: None, values }
     }
 
     /// The same on one thruster, link or joint, counted from 1 as in files and reports.
@@ -270,9 +253,7 @@ impl Effect {
     /// The same with every parameter at the value that changes nothing in `plant`.
     #[must_use]
     pub fn nominal(mut self, plant: &Plant) -> Self {
-        self.values = self
-            .kind
-            .nominal(plant, self.index.map(|i| i.saturating_sub(1)));
+        self.values = self.kind.nominal(plant, self.index.map(|i| i.saturating_sub(1)));
         self
     }
 
@@ -368,10 +349,7 @@ impl Effect {
     /// # Errors
     /// Says what is wrong and what to do.
     pub fn validate(&self, plant: &Plant) -> Result<(), EffectError> {
-        self.check(plant).map_err(|fault| EffectError {
-            message: fault.message,
-            help: fault.help,
-        })
+        self.check(plant).map_err(|fault| EffectError { message: fault.message, help: fault.help })
     }
 
     /// Refuses an index that the plant does not have and values outside of their bounds.
@@ -380,19 +358,12 @@ impl Effect {
         let count = about.index.count(plant);
         match (about.index, self.index) {
             (Index::None | Index::Channel, Some(_)) => {
-                return Err(Fault::new(
-                    "index",
-                    format!("{} takes no index", about.id),
-                    "remove the key",
-                ));
+                return Err(Fault::new("index", format!("{} takes no index", about.id), "remove the key"));
             }
             (_, Some(i)) if i == 0 || i > count => {
                 return Err(Fault::new(
                     "index",
-                    format!(
-                        "there is no {} {i}, the plant has {count}",
-                        about.index.name()
-                    ),
+                    format!("there is no {} {i}, the plant has {count}", about.index.name()),
                     "indices count from 1",
                 ));
             }
@@ -453,13 +424,7 @@ impl Effect {
         let id = table
             .get("id")
             .and_then(|v| v.get_ref().as_str())
-            .ok_or_else(|| {
-                Fault::new(
-                    "",
-                    "an effect needs its id",
-                    "add id = \"table_tilt\" or another",
-                )
-            })?;
+            .ok_or_else(|| Fault::new("", "an effect needs its id", "add id = \"table_tilt\" or another"))?;
         let mut effect = Self::new(id).map_err(|e| Fault::new("id", e.message, e.help))?;
         let mut given = 0;
         for (key, value) in table {
@@ -477,9 +442,7 @@ impl Effect {
                 _ => {
                     let value = number(key, value)?;
                     given += 1;
-                    effect
-                        .set(key, value)
-                        .map_err(|e| Fault::new(key, e.message, e.help))?;
+                    effect.set(key, value).map_err(|e| Fault::new(key, e.message, e.help))?;
                 }
             }
         }
@@ -497,18 +460,12 @@ impl Effect {
 fn number(key: &str, value: &DeValue<'_>) -> Result<f64, Fault> {
     let parsed = match value {
         DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
-        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
-            .ok()
-            .map(|i| i as f64),
+        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
         _ => None,
     };
-    parsed.filter(|v| v.is_finite()).ok_or_else(|| {
-        Fault::new(
-            key,
-            format!("{key} must be a finite number"),
-            "give a number",
-        )
-    })
+    parsed
+        .filter(|v| v.is_finite())
+        .ok_or_else(|| Fault::new(key, format!("{key} must be a finite number"), "give a number"))
 }
 
 fn whole(key: &str, value: &DeValue<'_>) -> Result<usize, Fault> {
@@ -516,26 +473,16 @@ fn whole(key: &str, value: &DeValue<'_>) -> Result<usize, Fault> {
         .as_integer()
         .and_then(|i| usize::from_str_radix(i.as_str(), i.radix()).ok())
         .filter(|i| *i > 0)
-        .ok_or_else(|| {
-            Fault::new(
-                key,
-                format!("{key} must be 1, 2, .."),
-                "indices count from 1",
-            )
-        })
+        .ok_or_else(|| Fault::new(key, format!("{key} must be 1, 2, .."), "indices count from 1"))
 }
 
 fn text(key: &str, value: &DeValue<'_>) -> Result<String, Fault> {
-    value
-        .as_str()
-        .map(str::to_owned)
-        .ok_or_else(|| Fault::new(key, format!("{key} must be text"), "put it in quotes"))
+    value.as_str().map(str::to_owned).ok_or_else(|| Fault::new(key, format!("{key} must be text"), "put it in quotes"))
 }
 
 /// The known ids that share the most with a misspelt one.
 fn suggestion(id: &str) -> String {
-    let pairs =
-        |s: &str| -> Vec<(u8, u8)> { s.as_bytes().windows(2).map(|w| (w[0], w[1])).collect() };
+    let pairs = |s: &str| -> Vec<(u8, u8)> { s.as_bytes().windows(2).map(|w| (w[0], w[1])).collect() };
     let wanted = pairs(id);
     let closest = effects::catalogue()
         .iter()
@@ -579,21 +526,14 @@ impl std::fmt::Display for Effect {
         if let Some(channel) = &self.channel {
             write!(f, " of {channel}")?;
         }
-        for (i, (p, v)) in self
-            .about()
-            .parameters
-            .iter()
-            .zip(self.values())
-            .enumerate()
-        {
+        for (i, (p, v)) in self.about().parameters.iter().zip(self.values()).enumerate() {
             let open = if i == 0 { " (" } else { ", " };
             write!(f, "{open}{} {v}", p.name)?;
         }
         if !self.about().parameters.is_empty() {
             write!(f, ")")?;
         }
-        self.onset_s
-            .map_or(Ok(()), |onset| write!(f, " from {onset} s"))
+        self.onset_s.map_or(Ok(()), |onset| write!(f, " from {onset} s"))
     }
 }
 

@@ -9,8 +9,7 @@ use crate::check;
 use crate::effect::Effect;
 use crate::error::{Fault, PlantError};
 use crate::parts::{
-    Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty,
-    Valves,
+    Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty, Valves,
 };
 
 /// The plant file that is used where none is given: the paper's laboratory.
@@ -58,11 +57,7 @@ pub struct Plant {
     #[serde(rename = "link", default, skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<Link>,
     /// `[[effect]]`: what the plant has beyond the nominal model.
-    #[serde(
-        rename = "effect",
-        skip_deserializing,
-        skip_serializing_if = "Vec::is_empty"
-    )]
+    #[serde(rename = "effect", skip_deserializing, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,
 }
 
@@ -77,8 +72,7 @@ impl Plant {
         let mut root = DeTable::parse(text).map_err(|e| from_toml(text, &e))?;
         let located = root.clone();
         let effect_tables = root.get_mut().remove("effect");
-        let mut plant = Self::deserialize(toml::de::Deserializer::from(root))
-            .map_err(|e| from_toml(text, &e))?;
+        let mut plant = Self::deserialize(toml::de::Deserializer::from(root)).map_err(|e| from_toml(text, &e))?;
         let place = |fault: Fault| {
             let span = locate(&located, &fault.path);
             PlantError::at(text, span, fault.message, fault.help)
@@ -113,19 +107,12 @@ impl Plant {
 
     /// Servo driver of joint `joint` (from 0): the link's own, or the common one.
     pub fn servo(&self, joint: usize) -> &Servo {
-        self.links
-            .get(joint)
-            .and_then(|link| link.servo.as_ref())
-            .unwrap_or(&self.servo)
+        self.links.get(joint).and_then(|link| link.servo.as_ref()).unwrap_or(&self.servo)
     }
 
     /// Thrust of thruster `thruster` (from 0) [N]: its own, or the common one.
     pub fn thrust_n(&self, thruster: usize) -> f64 {
-        self.thrusters
-            .get(thruster)
-            .and_then(|t| t.thrust_n)
-            .or(self.base.thrust_n)
-            .unwrap_or(0.0)
+        self.thrusters.get(thruster).and_then(|t| t.thrust_n).or(self.base.thrust_n).unwrap_or(0.0)
     }
 
     /// Force and torque of an open valve on the base, in the base frame about its origin.
@@ -143,10 +130,7 @@ impl Plant {
 
     /// The same plant without its effects: what the laboratory believes.
     pub fn nominal(&self) -> Self {
-        Self {
-            effects: Vec::new(),
-            ..self.clone()
-        }
+        Self { effects: Vec::new(), ..self.clone() }
     }
 
     /// The same plant with `effects` added to those it has.
@@ -172,24 +156,18 @@ fn from_toml(text: &str, error: &toml::de::Error) -> PlantError {
 
 fn read_effects(tables: &DeValue<'_>, plant: &Plant) -> Result<Vec<Effect>, Fault> {
     let Some(array) = tables.as_array() else {
-        return Err(Fault::new(
-            "effect",
-            "effects are an array of tables",
-            "write [[effect]] with two brackets",
-        ));
+        return Err(Fault::new("effect", "effects are an array of tables", "write [[effect]] with two brackets"));
     };
     let mut effects = Vec::new();
     for (i, value) in array.iter().enumerate() {
         let at = format!("effect/{i}");
-        let table = value.get_ref().as_table().ok_or_else(|| {
-            Fault::new(&at, "an effect is a table", "write [[effect]] and its keys")
-        })?;
+        let table = value
+            .get_ref()
+            .as_table()
+            .ok_or_else(|| Fault::new(&at, "an effect is a table", "write [[effect]] and its keys"))?;
         let effect = Effect::from_table(table)
             .and_then(|effect| effect.check(plant).map(|()| effect))
-            .map_err(|fault| Fault {
-                path: format!("{at}/{}", fault.path),
-                ..fault
-            })?;
+            .map_err(|fault| Fault { path: format!("{at}/{}", fault.path), ..fault })?;
         effects.push(effect);
     }
     Ok(effects)

@@ -4,28 +4,43 @@
 //! - [`Plant`] is the file: nominal values, read strictly, written back.
 //! - [`Effect`] is what a plant has beyond them; [`effects::catalogue`] lists every kind.
 //! - [`Physics`] is what really acts: the values with the effects built in.
+//! - [`Simulation`] lets it move: commands in, time forward, [`Truth`] out.
+//! - [`Instruments`] are the sensors: what they say about the truth.
 
+mod advance;
 mod check;
+mod contact;
 mod docs;
+mod dynamics;
 mod effect;
 pub mod effects;
 mod error;
 mod file;
 mod friction;
+mod held;
+mod instruments;
 mod parts;
 mod physics;
+mod power;
+mod servo;
+mod simulation;
+mod thrust;
+mod truth;
+mod valves;
 
 pub use check::MAX_LINKS;
+pub use contact::GraspError;
 pub use docs::effects_table_markdown;
 pub use effect::{About, Effect, EffectError, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 pub use error::PlantError;
 pub use file::{DEFAULT_PLANT, Plant};
 pub use friction::Friction;
-pub use parts::{
-    Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty,
-    Valves,
-};
+pub use instruments::{Instruments, LinkSample};
+pub use parts::{Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty, Valves};
 pub use physics::{
-    BaseLaw, BaseMotion, BasePhysics, JointLaw, JointPhysics, LinkPhysics, Physics, SensorPhysics,
-    Stream, SupplyPhysics, ThrusterPhysics,
+    BaseLaw, BaseMotion, BasePhysics, Grasped, JointLaw, JointPhysics, LinkPhysics, Physics, SensorPhysics, Stream,
+    SupplyPhysics, ThrusterPhysics,
 };
+pub use servo::JointCommand;
+pub use simulation::{INTERNAL_STEP_S, Simulation};
+pub use truth::Truth;

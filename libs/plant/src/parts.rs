@@ -17,10 +17,7 @@ pub struct Table {
 
 impl Default for Table {
     fn default() -> Self {
-        Self {
-            gravity_m_s2: [0.0; 2],
-            size_m: [4.0; 2],
-        }
+        Self { gravity_m_s2: [0.0; 2], size_m: [4.0; 2] }
     }
 }
 
@@ -95,13 +92,7 @@ pub struct Valves {
 
 impl Default for Valves {
     fn default() -> Self {
-        Self {
-            delay_s: 0.0,
-            rise_s: 0.0,
-            fall_s: 0.0,
-            min_on_s: 0.0,
-            droop_fraction_per_extra_valve: 0.0,
-        }
+        Self { delay_s: 0.0, rise_s: 0.0, fall_s: 0.0, min_on_s: 0.0, droop_fraction_per_extra_valve: 0.0 }
     }
 }
 
@@ -216,11 +207,7 @@ pub struct Servo {
     /// Largest rate that the position loop asks for [rad/s].
     pub max_rate_rad_s: f64,
     /// Largest current [A], where it is tighter than the motor torque's limit.
-    #[serde(
-        rename = "max_current_A",
-        default,
-        skip_serializing_if = "Option::is_none"
-    )]
+    #[serde(rename = "max_current_A", default, skip_serializing_if = "Option::is_none")]
     pub max_current_a: Option<f64>,
     /// Motor and wave generator, seen from the joint [kg m^2]; acts only where the joint is
     /// flexible or has backlash, a rigid joint counts it in the links.

@@ -3,6 +3,8 @@
 //! Built once per set of effects, so that the inner loop meets numbers and, for forces, a short
 //! list of plain functions; it never looks at an effect.
 
+use fss_multibody::{MAX_LINKS, Model, ModelError};
+
 use crate::effect::{Effect, MAX_PARAMETERS};
 use crate::file::Plant;
 use crate::parts::{Sensors, Servo};
@@ -152,9 +154,7 @@ impl SensorPhysics {
     /// How much older a sample is than its stamp says, once the nominal latency is taken off [s].
     pub fn age_s(&self, stream: Stream) -> f64 {
         let latency = match stream {
-            Stream::BasePose | Stream::EePose | Stream::TargetPose => {
-                self.mocap_delay_s - self.nominal.mocap_latency_s
-            }
+            Stream::BasePose | Stream::EePose | Stream::TargetPose => self.mocap_delay_s - self.nominal.mocap_latency_s,
             _ => 0.0,
         };
         latency + self.clock_offset_s[stream as usize]
@@ -163,8 +163,7 @@ impl SensorPhysics {
     /// [`SensorPhysics::age_s`] of link `link`'s telemetry [s].
     pub fn link_age_s(&self, link: usize) -> f64 {
         let delay = self.link_delay_s.get(link).copied();
-        delay.unwrap_or(0.0) - self.nominal.link_latency_s
-            + self.clock_offset_s[Stream::Joints as usize]
+        delay.unwrap_or(0.0) - self.nominal.link_latency_s + self.clock_offset_s[Stream::Joints as usize]
     }
 }
 
@@ -199,6 +198,17 @@ pub struct JointLaw {
     pub values: [f64; MAX_PARAMETERS],
 }
 
+/// A body held by the last link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grasped {
+    /// Mass [kg].
+    pub mass_kg: f64,
+    /// About its own centre of mass [kg m^2].
+    pub inertia_kg_m2: f64,
+    /// Centre of mass in the link's frame: from its joint, x towards the tip [m].
+    pub at_m: [f64; 2],
+}
+
 /// The plant's values with its effects built in.
 #[derive(Debug, Clone)]
 pub struct Physics {
@@ -210,8 +220,10 @@ pub struct Physics {
     pub joints: Vec<JointPhysics>,
     /// Servo drivers.
     pub servos: Vec<Servo>,
-    /// A body grasped by the end-effector: mass [kg] at the tip.
+    /// A point mass at the end-effector [kg].
     pub payload_kg: f64,
+    /// A body held by the last link.
+    pub grasped: Option<Grasped>,
     /// Steady acceleration of every body, table frame [m/s^2].
     pub gravity_m_s2: [f64; 2],
     /// Forces on the base.
@@ -262,12 +274,11 @@ impl Physics {
             joints: plant.links.iter().map(JointPhysics::of).collect(),
             servos: (0..joint_count).map(|i| plant.servo(i).clone()).collect(),
             payload_kg: 0.0,
+            grasped: None,
             gravity_m_s2: plant.table.gravity_m_s2,
             base_laws: Vec::new(),
             joint_laws: Vec::new(),
-            thrusters: (0..plant.thrusters.len())
-                .map(|i| ThrusterPhysics::of(plant, i))
-                .collect(),
+            thrusters: (0..plant.thrusters.len()).map(|i| ThrusterPhysics::of(plant, i)).collect(),
             supply: SupplyPhysics {
                 droop_per_extra_valve: plant.valves.droop_fraction_per_extra_valve,
                 trend_per_s: 0.0,
@@ -287,6 +298,42 @@ impl Physics {
         }
     }
 
+    /// The mechanism, its base lighter by `used_gas_kg` and its last link heavier by what it carries.
+    ///
+    /// # Errors
+    /// When effects made a mass or an inertia impossible.
+    pub fn model(&self, used_gas_kg: f64) -> Result<Model, ModelError> {
+        let base = fss_multibody::Base {
+            mass_kg: self.base.mass_kg - used_gas_kg,
+            inertia_kg_m2: self.base.inertia_kg_m2,
+            com_m: self.base.com_m,
+            joint1_xy_m: self.base.joint1_xy_m,
+            joint1_angle_rad: self.base.joint1_angle_rad,
+            clamped: self.base.clamped,
+        };
+        let mut links = [fss_multibody::Link::default(); MAX_LINKS];
+        let count = self.links.len().min(MAX_LINKS);
+        for (out, link) in links.iter_mut().zip(&self.links) {
+            *out = fss_multibody::Link {
+                length_m: link.length_m,
+                com_to_next_joint_m: link.com_to_next_joint_m,
+                com_offset_m: 0.0,
+                mass_kg: link.mass_kg,
+                inertia_kg_m2: link.inertia_kg_m2,
+                joint_offset_rad: link.joint_offset_rad,
+                rotor_inertia_kg_m2: 0.0,
+            };
+        }
+        if let Some(last) = links[..count].last_mut() {
+            let tip = Grasped { mass_kg: self.payload_kg, inertia_kg_m2: 0.0, at_m: [last.length_m, 0.0] };
+            tip.join(last);
+            if let Some(grasped) = &self.grasped {
+                grasped.join(last);
+            }
+        }
+        Model::new(base, &links[..count], self.gravity_m_s2)
+    }
+
     /// Sum of the forces that the effects put on the base, table axes, about the base frame's
     /// origin [N, N, N m].
     #[inline]
@@ -299,6 +346,23 @@ impl Physics {
             }
         }
         sum
+    }
+}
+
+impl Grasped {
+    /// Makes this body a part of `link`: common centre of mass, parallel-axis theorem.
+    fn join(&self, link: &mut fss_multibody::Link) {
+        let total = link.mass_kg + self.mass_kg;
+        if self.mass_kg <= 0.0 {
+            return;
+        }
+        let own = [link.length_m - link.com_to_next_joint_m, link.com_offset_m];
+        let apart = [self.at_m[0] - own[0], self.at_m[1] - own[1]];
+        let share = self.mass_kg / total;
+        link.inertia_kg_m2 += self.inertia_kg_m2 + link.mass_kg * share * (apart[0] * apart[0] + apart[1] * apart[1]);
+        link.com_to_next_joint_m -= share * apart[0];
+        link.com_offset_m += share * apart[1];
+        link.mass_kg = total;
     }
 }
 

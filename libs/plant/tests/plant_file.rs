@@ -113,32 +113,12 @@ fn the_catalogue_has_every_effect_of_the_design() {
 fn impossible_values_are_refused_at_their_line() {
     for (from, to, line, reason) in [
         ("mass_kg = 10.0", "mass_kg = -10.0", 2, "greater than 0"),
-        (
-            "inertia_kg_m2 = 0.25",
-            "inertia_kg_m2 = 0.0",
-            3,
-            "greater than 0",
-        ),
+        ("inertia_kg_m2 = 0.25", "inertia_kg_m2 = 0.0", 3, "greater than 0"),
         ("mass_kg = 2.88", "mass_kg = nan", 13, "not a number"),
-        (
-            "force_direction = [-1, 0]",
-            "force_direction = [0, 0]",
-            8,
-            "no length",
-        ),
+        ("force_direction = [-1, 0]", "force_direction = [0, 0]", 8, "no length"),
         ("length_m = 0.38", "length_m = inf", 11, "not a number"),
-        (
-            "max_torque_N_m = 1.8",
-            "max_torque_N_m = -1.8",
-            17,
-            "negative",
-        ),
-        (
-            "max_torque_N_m = 1.8",
-            "max_torque_Nm = 1.8",
-            17,
-            "unknown field",
-        ),
+        ("max_torque_N_m = 1.8", "max_torque_N_m = -1.8", 17, "negative"),
+        ("max_torque_N_m = 1.8", "max_torque_Nm = 1.8", 17, "unknown field"),
         ("mass_kg = 2.88", "mass_kg = \"2.88\"", 13, "expected f64"),
         ("mass_kg = 2.88\n", "", 10, "missing field"),
         ("thrust_N = 0.159\n", "", 5, "how strong"),
@@ -172,57 +152,17 @@ fn a_base_without_arm_and_thrusters_is_a_plant() {
 #[test]
 fn effects_that_cannot_be_are_refused_at_their_line() {
     for (table, at, reason) in [
-        (
-            "id = \"thruster_gian\"\nscale = 0.7",
-            0,
-            "did you mean thruster_gain?",
-        ),
-        (
-            "id = \"thruster_gain\"\nindex = 2\nscale = 0.7",
-            1,
-            "the plant has 1",
-        ),
-        (
-            "id = \"thruster_gain\"\nindex = 0\nscale = 0.7",
-            1,
-            "from 1",
-        ),
-        (
-            "id = \"thruster_gain\"\nindex = 1\ngain = 0.7",
-            2,
-            "no parameter \"gain\"",
-        ),
-        (
-            "id = \"thruster_gain\"\nindex = 1\nscale = -0.7",
-            2,
-            "outside of 0 to 10",
-        ),
-        (
-            "id = \"table_tilt\"\naccel_x_m_s2 = nan",
-            1,
-            "finite number",
-        ),
-        (
-            "id = \"table_tilt\"\nindex = 1\naccel_x_m_s2 = 0.1",
-            1,
-            "takes no index",
-        ),
+        ("id = \"thruster_gian\"\nscale = 0.7", 0, "did you mean thruster_gain?"),
+        ("id = \"thruster_gain\"\nindex = 2\nscale = 0.7", 1, "the plant has 1"),
+        ("id = \"thruster_gain\"\nindex = 0\nscale = 0.7", 1, "from 1"),
+        ("id = \"thruster_gain\"\nindex = 1\ngain = 0.7", 2, "no parameter \"gain\""),
+        ("id = \"thruster_gain\"\nindex = 1\nscale = -0.7", 2, "outside of 0 to 10"),
+        ("id = \"table_tilt\"\naccel_x_m_s2 = nan", 1, "finite number"),
+        ("id = \"table_tilt\"\nindex = 1\naccel_x_m_s2 = 0.1", 1, "takes no index"),
         ("id = \"table_tilt\"", 0, "without any of its parameters"),
-        (
-            "id = \"clock_offset\"\nchannel = \"sundial\"\noffset_s = 1",
-            1,
-            "gyro",
-        ),
-        (
-            "id = \"valve_swap\"\nindex = 1\nother_index = 1",
-            2,
-            "two different",
-        ),
-        (
-            "id = \"gyro_bias\"\nbias_rad_s = 1e-3\nonset_s = -1",
-            2,
-            "time in the run",
-        ),
+        ("id = \"clock_offset\"\nchannel = \"sundial\"\noffset_s = 1", 1, "gyro"),
+        ("id = \"valve_swap\"\nindex = 1\nother_index = 1", 2, "two different"),
+        ("id = \"gyro_bias\"\nbias_rad_s = 1e-3\nonset_s = -1", 2, "time in the run"),
     ] {
         let text = format!("{SMALL}\n[[effect]]\n{table}\n");
         let (line, _, message) = refusal(&text);
@@ -244,10 +184,7 @@ fn an_error_points_into_the_text() {
 
 #[test]
 fn every_measured_case_is_a_plant() {
-    let cases = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/measured/cases"
-    );
+    let cases = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/measured/cases");
     let Ok(cases) = std::fs::read_dir(cases) else {
         println!("skipped: no measured cases beside the repository");
         return;
@@ -267,9 +204,5 @@ fn the_page_of_effects_is_current() {
     if std::env::var_os("FSS_BLESS").is_some() {
         std::fs::write(file, &page).unwrap();
     }
-    assert_eq!(
-        std::fs::read_to_string(file).unwrap(),
-        page,
-        "write it again: FSS_BLESS=1 cargo test -p fss-plant"
-    );
+    assert_eq!(std::fs::read_to_string(file).unwrap(), page, "write it again: FSS_BLESS=1 cargo test -p fss-plant");
 }

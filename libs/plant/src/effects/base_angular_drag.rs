@@ -10,11 +10,9 @@ const ABOUT: About = About {
     sentence: "A torque on the base opposes its turning in proportion to the rate.",
     place: Place::Base,
     index: Index::None,
-    parameters: &[
-        Parameter::new("coefficient_N_m_s_rad", "N m s/rad", "torque per rate")
-            .within(0.0, 100.0)
-            .scale(0.01),
-    ],
+    parameters: &[Parameter::new("coefficient_N_m_s_rad", "N m s/rad", "torque per rate")
+        .within(0.0, 100.0)
+        .scale(0.01)],
 };
 
 impl EffectKind for BaseAngularDrag {
@@ -23,10 +21,7 @@ impl EffectKind for BaseAngularDrag {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 

@@ -11,12 +11,8 @@ const ABOUT: About = About {
     place: Place::Mass,
     index: Index::None,
     parameters: &[
-        Parameter::new("x_m", "m", "centre of mass in the base frame")
-            .within(-1.0, 1.0)
-            .scale(0.01),
-        Parameter::new("y_m", "m", "centre of mass in the base frame")
-            .within(-1.0, 1.0)
-            .scale(0.01),
+        Parameter::new("x_m", "m", "centre of mass in the base frame").within(-1.0, 1.0).scale(0.01),
+        Parameter::new("y_m", "m", "centre of mass in the base frame").within(-1.0, 1.0).scale(0.01),
     ],
 };
 

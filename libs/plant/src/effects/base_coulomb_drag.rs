@@ -14,12 +14,8 @@ const ABOUT: About = About {
     place: Place::Base,
     index: Index::None,
     parameters: &[
-        Parameter::new("force_N", "N", "size of the force")
-            .within(0.0, 100.0)
-            .scale(0.005),
-        Parameter::new("torque_N_m", "N m", "size of the torque")
-            .within(0.0, 100.0)
-            .scale(0.001),
+        Parameter::new("force_N", "N", "size of the force").within(0.0, 100.0).scale(0.005),
+        Parameter::new("torque_N_m", "N m", "size of the torque").within(0.0, 100.0).scale(0.001),
     ],
 };
 
@@ -29,10 +25,7 @@ impl EffectKind for BaseCoulombDrag {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 

@@ -11,12 +11,10 @@ const ABOUT: About = About {
     sentence: "The base has another moment of inertia than the plant file says.",
     place: Place::Mass,
     index: Index::None,
-    parameters: &[
-        Parameter::new("inertia_kg_m2", "kg m^2", "about the base's centre of mass")
-            .within(1e-05, 10000.0)
-            .scale(0.03)
-            .of_plant(),
-    ],
+    parameters: &[Parameter::new("inertia_kg_m2", "kg m^2", "about the base's centre of mass")
+        .within(1e-05, 10000.0)
+        .scale(0.03)
+        .of_plant()],
 };
 
 impl EffectKind for BaseInertia {

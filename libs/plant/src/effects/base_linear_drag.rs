@@ -10,11 +10,7 @@ const ABOUT: About = About {
     sentence: "A force on the base opposes its velocity in proportion to it.",
     place: Place::Base,
     index: Index::None,
-    parameters: &[
-        Parameter::new("coefficient_N_s_m", "N s/m", "force per speed")
-            .within(0.0, 100.0)
-            .scale(0.05),
-    ],
+    parameters: &[Parameter::new("coefficient_N_s_m", "N s/m", "force per speed").within(0.0, 100.0).scale(0.05)],
 };
 
 impl EffectKind for BaseLinearDrag {
@@ -23,10 +19,7 @@ impl EffectKind for BaseLinearDrag {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 

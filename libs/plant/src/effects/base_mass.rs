@@ -11,12 +11,10 @@ const ABOUT: About = About {
     sentence: "The base has another mass than the plant file says.",
     place: Place::Mass,
     index: Index::None,
-    parameters: &[
-        Parameter::new("mass_kg", "kg", "mass of the base with a full tank")
-            .within(0.01, 10000.0)
-            .scale(0.5)
-            .of_plant(),
-    ],
+    parameters: &[Parameter::new("mass_kg", "kg", "mass of the base with a full tank")
+        .within(0.01, 10000.0)
+        .scale(0.5)
+        .of_plant()],
 };
 
 impl EffectKind for BaseMass {

@@ -10,13 +10,9 @@ const ABOUT: About = About {
     sentence: "A force on the base opposes its velocity and grows with the square of the speed.",
     place: Place::Base,
     index: Index::None,
-    parameters: &[Parameter::new(
-        "coefficient_N_s2_m2",
-        "N s^2/m^2",
-        "force per speed squared",
-    )
-    .within(0.0, 1000.0)
-    .scale(0.5)],
+    parameters: &[Parameter::new("coefficient_N_s2_m2", "N s^2/m^2", "force per speed squared")
+        .within(0.0, 1000.0)
+        .scale(0.5)],
 };
 
 impl EffectKind for BaseQuadraticDrag {
@@ -25,18 +21,11 @@ impl EffectKind for BaseQuadraticDrag {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 
 fn law(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
     let speed = base.velocity[0].hypot(base.velocity[1]);
-    [
-        -p[0] * speed * base.velocity[0],
-        -p[0] * speed * base.velocity[1],
-        0.0,
-    ]
+    [-p[0] * speed * base.velocity[0], -p[0] * speed * base.velocity[1], 0.0]
 }

@@ -11,15 +11,9 @@ const ABOUT: About = About {
     place: Place::Base,
     index: Index::None,
     parameters: &[
-        Parameter::new("force_x_N", "N", "along the base's x")
-            .within(-100.0, 100.0)
-            .scale(0.005),
-        Parameter::new("force_y_N", "N", "along the base's y")
-            .within(-100.0, 100.0)
-            .scale(0.005),
-        Parameter::new("torque_N_m", "N m", "about the base frame's origin")
-            .within(-100.0, 100.0)
-            .scale(0.001),
+        Parameter::new("force_x_N", "N", "along the base's x").within(-100.0, 100.0).scale(0.005),
+        Parameter::new("force_y_N", "N", "along the base's y").within(-100.0, 100.0).scale(0.005),
+        Parameter::new("torque_N_m", "N m", "about the base frame's origin").within(-100.0, 100.0).scale(0.001),
     ],
 };
 
@@ -29,10 +23,7 @@ impl EffectKind for BodyForce {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 

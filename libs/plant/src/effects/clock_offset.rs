@@ -10,9 +10,7 @@ const ABOUT: About = About {
     sentence: "A data stream is stamped by a clock that is wrong by a constant.",
     place: Place::Time,
     index: Index::Channel,
-    parameters: &[Parameter::new("offset_s", "s", "stamp less true time")
-        .within(-5.0, 5.0)
-        .scale(0.02)],
+    parameters: &[Parameter::new("offset_s", "s", "stamp less true time").within(-5.0, 5.0).scale(0.02)],
 };
 
 impl EffectKind for ClockOffset {

@@ -13,9 +13,7 @@ const ABOUT: About = About {
     place: Place::Joint,
     index: Index::Joint,
     parameters: &[
-        Parameter::new("amplitude_rad", "rad", "largest lead")
-            .within(-0.5, 0.5)
-            .scale(0.002),
+        Parameter::new("amplitude_rad", "rad", "largest lead").within(-0.5, 0.5).scale(0.002),
         Parameter::new("cycles_per_rev", "", "periods in one turn of the joint")
             .nominal(2.0)
             .within(0.0, 1000.0)

@@ -10,9 +10,7 @@ const ABOUT: About = About {
     sentence: "An encoder reads a constant angle too much, and the servo follows it.",
     place: Place::Sensor,
     index: Index::Joint,
-    parameters: &[Parameter::new("offset_rad", "rad", "reading at zero")
-        .within(-10.0, 10.0)
-        .scale(0.01)],
+    parameters: &[Parameter::new("offset_rad", "rad", "reading at zero").within(-10.0, 10.0).scale(0.01)],
 };
 
 impl EffectKind for EncoderOffset {

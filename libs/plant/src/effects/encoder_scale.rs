@@ -10,10 +10,7 @@ const ABOUT: About = About {
     sentence: "An encoder reads scale times the angle, and the servo follows it.",
     place: Place::Sensor,
     index: Index::Joint,
-    parameters: &[Parameter::new("scale", "", "reading over angle")
-        .nominal(1.0)
-        .within(0.01, 10.0)
-        .scale(0.02)],
+    parameters: &[Parameter::new("scale", "", "reading over angle").nominal(1.0).within(0.01, 10.0).scale(0.02)],
 };
 
 impl EffectKind for EncoderScale {

@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "The gyro reads a rate while the base is at rest.",
     place: Place::Sensor,
     index: Index::None,
-    parameters: &[Parameter::new("bias_rad_s", "rad/s", "reading at rest")
-        .within(-1.0, 1.0)
-        .scale(0.001)
-        .of_plant()],
+    parameters: &[Parameter::new("bias_rad_s", "rad/s", "reading at rest").within(-1.0, 1.0).scale(0.001).of_plant()],
 };
 
 impl EffectKind for GyroBias {

@@ -10,9 +10,7 @@ const ABOUT: About = About {
     sentence: "A drive has play: within it the link moves freely.",
     place: Place::Joint,
     index: Index::Joint,
-    parameters: &[Parameter::new("gap_rad", "rad", "whole width of the play")
-        .within(0.0, 0.5)
-        .scale(0.005)],
+    parameters: &[Parameter::new("gap_rad", "rad", "whole width of the play").within(0.0, 0.5).scale(0.005)],
 };
 
 impl EffectKind for JointBacklash {

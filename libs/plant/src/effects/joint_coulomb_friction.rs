@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "A joint has another dry friction: it resists with one torque at any speed.",
     place: Place::Joint,
     index: Index::Joint,
-    parameters: &[Parameter::new("torque_N_m", "N m", "dry friction")
-        .within(0.0, 100.0)
-        .scale(0.05)
-        .of_plant()],
+    parameters: &[Parameter::new("torque_N_m", "N m", "dry friction").within(0.0, 100.0).scale(0.05).of_plant()],
 };
 
 impl EffectKind for JointCoulombFriction {

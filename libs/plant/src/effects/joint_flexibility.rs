@@ -12,12 +12,10 @@ const ABOUT: About = About {
     sentence: "A drive is elastic: its motor turns against the link like a spring.",
     place: Place::Joint,
     index: Index::Joint,
-    parameters: &[
-        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per wind-up")
-            .nominal(1e5)
-            .within(1.0, 100000.0)
-            .scale(100.0),
-    ],
+    parameters: &[Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per wind-up")
+        .nominal(1e5)
+        .within(1.0, 100000.0)
+        .scale(100.0)],
 };
 
 impl EffectKind for JointFlexibility {

@@ -11,12 +11,8 @@ const ABOUT: About = About {
     place: Place::Joint,
     index: Index::Joint,
     parameters: &[
-        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per angle")
-            .within(0.0, 1000.0)
-            .scale(0.1),
-        Parameter::new("rest_rad", "rad", "joint angle without torque")
-            .within(-10.0, 10.0)
-            .scale(0.3),
+        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per angle").within(0.0, 1000.0).scale(0.1),
+        Parameter::new("rest_rad", "rad", "joint angle without torque").within(-10.0, 10.0).scale(0.3),
     ],
 };
 
@@ -27,11 +23,7 @@ impl EffectKind for JointSpring {
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
         for i in effect.targets(physics.joints.len()) {
-            physics.joint_laws.push(JointLaw {
-                joint: i,
-                law,
-                values: effect.padded(),
-            });
+            physics.joint_laws.push(JointLaw { joint: i, law, values: effect.padded() });
         }
     }
 }

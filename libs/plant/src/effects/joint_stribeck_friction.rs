@@ -11,17 +11,11 @@ const ABOUT: About = About {
     place: Place::Joint,
     index: Index::Joint,
     parameters: &[
-        Parameter::new("torque_N_m", "N m", "static friction above dry friction")
-            .within(0.0, 100.0)
-            .scale(0.05),
-        Parameter::new(
-            "velocity_rad_s",
-            "rad/s",
-            "rate at which it has fallen to 1/e",
-        )
-        .nominal(0.05)
-        .within(0.0001, 10.0)
-        .scale(0.02),
+        Parameter::new("torque_N_m", "N m", "static friction above dry friction").within(0.0, 100.0).scale(0.05),
+        Parameter::new("velocity_rad_s", "rad/s", "rate at which it has fallen to 1/e")
+            .nominal(0.05)
+            .within(0.0001, 10.0)
+            .scale(0.02),
     ],
 };
 

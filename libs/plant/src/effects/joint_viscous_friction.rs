@@ -11,12 +11,10 @@ const ABOUT: About = About {
     sentence: "A joint has another viscous friction: it resists in proportion to its rate.",
     place: Place::Joint,
     index: Index::Joint,
-    parameters: &[
-        Parameter::new("coefficient_N_m_s_rad", "N m s/rad", "torque per rate")
-            .within(0.0, 100.0)
-            .scale(0.1)
-            .of_plant(),
-    ],
+    parameters: &[Parameter::new("coefficient_N_m_s_rad", "N m s/rad", "torque per rate")
+        .within(0.0, 100.0)
+        .scale(0.1)
+        .of_plant()],
 };
 
 impl EffectKind for JointViscousFriction {
@@ -26,12 +24,7 @@ impl EffectKind for JointViscousFriction {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
-        [
-            link.map_or(0.0, |l| l.viscous_friction_n_m_s_rad),
-            0.0,
-            0.0,
-            0.0,
-        ]
+        [link.map_or(0.0, |l| l.viscous_friction_n_m_s_rad), 0.0, 0.0, 0.0]
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

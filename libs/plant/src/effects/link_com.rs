@@ -11,12 +11,10 @@ const ABOUT: About = About {
     sentence: "A link's centre of mass is elsewhere on its axis than the plant file says.",
     place: Place::Mass,
     index: Index::Link,
-    parameters: &[
-        Parameter::new("b_m", "m", "centre of mass before the next joint")
-            .within(-2.0, 2.0)
-            .scale(0.02)
-            .of_plant(),
-    ],
+    parameters: &[Parameter::new("b_m", "m", "centre of mass before the next joint")
+        .within(-2.0, 2.0)
+        .scale(0.02)
+        .of_plant()],
 };
 
 impl EffectKind for LinkCom {

@@ -11,12 +11,10 @@ const ABOUT: About = About {
     sentence: "A link has another moment of inertia than the plant file says.",
     place: Place::Mass,
     index: Index::Link,
-    parameters: &[
-        Parameter::new("inertia_kg_m2", "kg m^2", "about the link's centre of mass")
-            .within(1e-07, 1000.0)
-            .scale(0.01)
-            .of_plant(),
-    ],
+    parameters: &[Parameter::new("inertia_kg_m2", "kg m^2", "about the link's centre of mass")
+        .within(1e-07, 1000.0)
+        .scale(0.01)
+        .of_plant()],
 };
 
 impl EffectKind for LinkInertia {

@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "Link telemetry is older than its stamp admits.",
     place: Place::Time,
     index: Index::Link,
-    parameters: &[Parameter::new("delay_s", "s", "event to stamp")
-        .within(0.0, 5.0)
-        .scale(0.05)
-        .of_plant()],
+    parameters: &[Parameter::new("delay_s", "s", "event to stamp").within(0.0, 5.0).scale(0.05).of_plant()],
 };
 
 impl EffectKind for LinkLatency {

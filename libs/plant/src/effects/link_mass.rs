@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "A link has another mass than the plant file says.",
     place: Place::Mass,
     index: Index::Link,
-    parameters: &[Parameter::new("mass_kg", "kg", "mass of the link")
-        .within(0.001, 1000.0)
-        .scale(0.2)
-        .of_plant()],
+    parameters: &[Parameter::new("mass_kg", "kg", "mass of the link").within(0.001, 1000.0).scale(0.2).of_plant()],
 };
 
 impl EffectKind for LinkMass {

@@ -11,12 +11,8 @@ const ABOUT: About = About {
     place: Place::Sensor,
     index: Index::None,
     parameters: &[
-        Parameter::new("x_m", "m", "tracked point in the base frame")
-            .within(-1.0, 1.0)
-            .scale(0.005),
-        Parameter::new("y_m", "m", "tracked point in the base frame")
-            .within(-1.0, 1.0)
-            .scale(0.005),
+        Parameter::new("x_m", "m", "tracked point in the base frame").within(-1.0, 1.0).scale(0.005),
+        Parameter::new("y_m", "m", "tracked point in the base frame").within(-1.0, 1.0).scale(0.005),
     ],
 };
 

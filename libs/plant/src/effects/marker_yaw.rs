@@ -10,11 +10,7 @@ const ABOUT: About = About {
     sentence: "The markers are turned on the base: its tracked heading is wrong by a constant.",
     place: Place::Sensor,
     index: Index::None,
-    parameters: &[
-        Parameter::new("angle_rad", "rad", "tracked heading less heading")
-            .within(-3.2, 3.2)
-            .scale(0.01),
-    ],
+    parameters: &[Parameter::new("angle_rad", "rad", "tracked heading less heading").within(-3.2, 3.2).scale(0.01)],
 };
 
 impl EffectKind for MarkerYaw {

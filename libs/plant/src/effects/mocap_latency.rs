@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "Motion capture arrives later than its stamp admits.",
     place: Place::Time,
     index: Index::None,
-    parameters: &[Parameter::new("delay_s", "s", "event to sample")
-        .within(0.0, 2.0)
-        .scale(0.02)
-        .of_plant()],
+    parameters: &[Parameter::new("delay_s", "s", "event to sample").within(0.0, 2.0).scale(0.02).of_plant()],
 };
 
 impl EffectKind for MocapLatency {

@@ -12,13 +12,9 @@ const ABOUT: About = About {
     sentence: "The camera frame is turned against the table.",
     place: Place::Sensor,
     index: Index::None,
-    parameters: &[Parameter::new(
-        "angle_rad",
-        "rad",
-        "turn of all poses about the table's origin",
-    )
-    .within(-3.2, 3.2)
-    .scale(0.02)],
+    parameters: &[Parameter::new("angle_rad", "rad", "turn of all poses about the table's origin")
+        .within(-3.2, 3.2)
+        .scale(0.02)],
 };
 
 impl EffectKind for MocapRotation {

@@ -109,16 +109,8 @@ pub fn find(id: &str) -> Option<&'static dyn EffectKind> {
 
 /// Names of data streams that `clock_offset` knows, as the files of a measured experiment are
 /// called; `mocap` is all poses.
-pub const STREAMS: &[&str] = &[
-    "mocap",
-    "base_pose",
-    "ee_pose",
-    "target_pose",
-    "gyro",
-    "joints",
-    "joint_command",
-    "valves",
-];
+pub const STREAMS: &[&str] =
+    &["mocap", "base_pose", "ee_pose", "target_pose", "gyro", "joints", "joint_command", "valves"];
 
 /// The streams that a name of [`STREAMS`] stands for.
 fn streams(name: Option<&str>) -> &'static [Stream] {

@@ -10,9 +10,7 @@ const ABOUT: About = About {
     sentence: "The end-effector carries a body; with an onset, it takes hold of it during the run.",
     place: Place::Mass,
     index: Index::None,
-    parameters: &[Parameter::new("mass_kg", "kg", "mass at the end-effector")
-        .within(0.0, 1000.0)
-        .scale(0.2)],
+    parameters: &[Parameter::new("mass_kg", "kg", "mass at the end-effector").within(0.0, 1000.0).scale(0.2)],
 };
 
 impl EffectKind for Payload {

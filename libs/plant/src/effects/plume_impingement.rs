@@ -12,11 +12,9 @@ const ABOUT: About = About {
     sentence: "A plume that hits the arm pushes it and so gives back a share of the thrust.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[
-        Parameter::new("fraction", "", "share of the thrust that the arm catches")
-            .within(0.0, 1.0)
-            .scale(0.1),
-    ],
+    parameters: &[Parameter::new("fraction", "", "share of the thrust that the arm catches")
+        .within(0.0, 1.0)
+        .scale(0.1)],
 };
 
 impl EffectKind for PlumeImpingement {

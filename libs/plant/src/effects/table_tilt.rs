@@ -11,12 +11,8 @@ const ABOUT: About = About {
     place: Place::Base,
     index: Index::None,
     parameters: &[
-        Parameter::new("accel_x_m_s2", "m/s^2", "acceleration along the table's x")
-            .within(-20.0, 20.0)
-            .scale(0.001),
-        Parameter::new("accel_y_m_s2", "m/s^2", "acceleration along the table's y")
-            .within(-20.0, 20.0)
-            .scale(0.001),
+        Parameter::new("accel_x_m_s2", "m/s^2", "acceleration along the table's x").within(-20.0, 20.0).scale(0.001),
+        Parameter::new("accel_y_m_s2", "m/s^2", "acceleration along the table's y").within(-20.0, 20.0).scale(0.001),
     ],
 };
 

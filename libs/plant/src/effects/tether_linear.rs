@@ -11,15 +11,9 @@ const ABOUT: About = About {
     place: Place::Base,
     index: Index::None,
     parameters: &[
-        Parameter::new("stiffness_N_m", "N/m", "force per distance")
-            .within(0.0, 1000.0)
-            .scale(0.01),
-        Parameter::new("anchor_x_m", "m", "place without force, table frame")
-            .within(-100.0, 100.0)
-            .scale(0.3),
-        Parameter::new("anchor_y_m", "m", "place without force, table frame")
-            .within(-100.0, 100.0)
-            .scale(0.3),
+        Parameter::new("stiffness_N_m", "N/m", "force per distance").within(0.0, 1000.0).scale(0.01),
+        Parameter::new("anchor_x_m", "m", "place without force, table frame").within(-100.0, 100.0).scale(0.3),
+        Parameter::new("anchor_y_m", "m", "place without force, table frame").within(-100.0, 100.0).scale(0.3),
     ],
 };
 
@@ -29,17 +23,10 @@ impl EffectKind for TetherLinear {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 
 fn law(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
-    [
-        -p[0] * (base.pose[0] - p[1]),
-        -p[0] * (base.pose[1] - p[2]),
-        0.0,
-    ]
+    [-p[0] * (base.pose[0] - p[1]), -p[0] * (base.pose[1] - p[2]), 0.0]
 }

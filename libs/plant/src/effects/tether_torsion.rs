@@ -11,12 +11,8 @@ const ABOUT: About = About {
     place: Place::Base,
     index: Index::None,
     parameters: &[
-        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per turn")
-            .within(0.0, 100.0)
-            .scale(0.01),
-        Parameter::new("rest_rad", "rad", "heading without torque")
-            .within(-100.0, 100.0)
-            .scale(0.3),
+        Parameter::new("stiffness_N_m_rad", "N m/rad", "torque per turn").within(0.0, 100.0).scale(0.01),
+        Parameter::new("rest_rad", "rad", "heading without torque").within(-100.0, 100.0).scale(0.3),
     ],
 };
 
@@ -26,10 +22,7 @@ impl EffectKind for TetherTorsion {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw {
-            law,
-            values: effect.padded(),
-        });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
     }
 }
 

@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "A valve opens and closes later than commanded.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[Parameter::new("delay_s", "s", "command to first movement")
-        .within(0.0, 2.0)
-        .scale(0.02)
-        .of_plant()],
+    parameters: &[Parameter::new("delay_s", "s", "command to first movement").within(0.0, 2.0).scale(0.02).of_plant()],
 };
 
 impl EffectKind for ThrusterDelay {

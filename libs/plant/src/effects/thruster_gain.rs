@@ -10,12 +10,10 @@ const ABOUT: About = About {
     sentence: "A thruster is weaker or stronger than the plant file says; 0 is stuck shut.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[
-        Parameter::new("scale", "", "real thrust over nominal thrust")
-            .nominal(1.0)
-            .within(0.0, 10.0)
-            .scale(0.1),
-    ],
+    parameters: &[Parameter::new("scale", "", "real thrust over nominal thrust")
+        .nominal(1.0)
+        .within(0.0, 10.0)
+        .scale(0.1)],
 };
 
 impl EffectKind for ThrusterGain {

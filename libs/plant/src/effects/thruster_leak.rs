@@ -10,9 +10,7 @@ const ABOUT: About = About {
     sentence: "A closed valve leaks and pushes all the time; the whole thrust is stuck open.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[Parameter::new("thrust_N", "N", "thrust while closed")
-        .within(0.0, 100.0)
-        .scale(0.005)],
+    parameters: &[Parameter::new("thrust_N", "N", "thrust while closed").within(0.0, 100.0).scale(0.005)],
 };
 
 impl EffectKind for ThrusterLeak {

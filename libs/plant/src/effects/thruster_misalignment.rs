@@ -10,11 +10,9 @@ const ABOUT: About = About {
     sentence: "A nozzle points elsewhere, so its force is turned.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[
-        Parameter::new("angle_rad", "rad", "turn of the force, counter-clockwise")
-            .within(-3.2, 3.2)
-            .scale(0.05),
-    ],
+    parameters: &[Parameter::new("angle_rad", "rad", "turn of the force, counter-clockwise")
+        .within(-3.2, 3.2)
+        .scale(0.05)],
 };
 
 impl EffectKind for ThrusterMisalignment {

@@ -11,14 +11,10 @@ const ABOUT: About = About {
     sentence: "Valves starve each other: each loses thrust for every further open one.",
     place: Place::Thruster,
     index: Index::None,
-    parameters: &[Parameter::new(
-        "fraction_per_extra_valve",
-        "",
-        "share lost for each further open valve",
-    )
-    .within(0.0, 1.0)
-    .scale(0.05)
-    .of_plant()],
+    parameters: &[Parameter::new("fraction_per_extra_valve", "", "share lost for each further open valve")
+        .within(0.0, 1.0)
+        .scale(0.05)
+        .of_plant()],
 };
 
 impl EffectKind for ThrusterPressureDroop {

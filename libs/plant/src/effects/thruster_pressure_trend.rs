@@ -10,13 +10,9 @@ const ABOUT: About = About {
     sentence: "The supply pressure drifts: all thrusts change steadily with time.",
     place: Place::Thruster,
     index: Index::None,
-    parameters: &[Parameter::new(
-        "fraction_per_s",
-        "1/s",
-        "relative change of thrust a second, negative is falling",
-    )
-    .within(-1.0, 1.0)
-    .scale(0.002)],
+    parameters: &[Parameter::new("fraction_per_s", "1/s", "relative change of thrust a second, negative is falling")
+        .within(-1.0, 1.0)
+        .scale(0.002)],
 };
 
 impl EffectKind for ThrusterPressureTrend {

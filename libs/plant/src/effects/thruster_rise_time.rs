@@ -11,10 +11,7 @@ const ABOUT: About = About {
     sentence: "A valve opens slowly: thrust rises with a time constant.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[Parameter::new("time_s", "s", "time constant of opening")
-        .within(0.0, 2.0)
-        .scale(0.02)
-        .of_plant()],
+    parameters: &[Parameter::new("time_s", "s", "time constant of opening").within(0.0, 2.0).scale(0.02).of_plant()],
 };
 
 impl EffectKind for ThrusterRiseTime {

@@ -10,14 +10,10 @@ const ABOUT: About = About {
     sentence: "A motor gives more or less torque for its current than the plant file says.",
     place: Place::Joint,
     index: Index::Joint,
-    parameters: &[Parameter::new(
-        "scale",
-        "",
-        "real torque over nominal torque for the same current",
-    )
-    .nominal(1.0)
-    .within(0.0, 10.0)
-    .scale(0.1)],
+    parameters: &[Parameter::new("scale", "", "real torque over nominal torque for the same current")
+        .nominal(1.0)
+        .within(0.0, 10.0)
+        .scale(0.1)],
 };
 
 impl EffectKind for TorqueConstant {

@@ -11,13 +11,8 @@ const ABOUT: About = About {
     place: Place::Sensor,
     index: Index::Joint,
     parameters: &[
-        Parameter::new("bias_N_m", "N m", "reading without torque")
-            .within(-100.0, 100.0)
-            .scale(0.05),
-        Parameter::new("scale", "", "reading over torque")
-            .nominal(1.0)
-            .within(-10.0, 10.0)
-            .scale(0.1),
+        Parameter::new("bias_N_m", "N m", "reading without torque").within(-100.0, 100.0).scale(0.05),
+        Parameter::new("scale", "", "reading over torque").nominal(1.0).within(-10.0, 10.0).scale(0.1),
     ],
 };
 

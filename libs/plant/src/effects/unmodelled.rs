@@ -17,20 +17,12 @@ const ABOUT: About = About {
         Parameter::new("strength", "", "size in the unit of the channel: N, N m")
             .within(-1000000.0, 1000000.0)
             .scale(0.01),
-        Parameter::new("frequency_Hz", "Hz", "of a periodic action; 0 is steady")
-            .within(0.0, 1000.0)
-            .scale(0.1),
-        Parameter::new("direction_rad", "rad", "of a force, in the table frame")
+        Parameter::new("frequency_Hz", "Hz", "of a periodic action; 0 is steady").within(0.0, 1000.0).scale(0.1),
+        Parameter::new("direction_rad", "rad", "of a force, in the table frame").within(-7.0, 7.0).scale(0.3),
+        Parameter::new("phase_rad", "rad", "of a periodic action at the start of the run")
+            .nominal(std::f64::consts::FRAC_PI_2)
             .within(-7.0, 7.0)
             .scale(0.3),
-        Parameter::new(
-            "phase_rad",
-            "rad",
-            "of a periodic action at the start of the run",
-        )
-        .nominal(std::f64::consts::FRAC_PI_2)
-        .within(-7.0, 7.0)
-        .scale(0.3),
     ],
 };
 
@@ -41,14 +33,8 @@ impl EffectKind for Unmodelled {
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
         match effect.channel() {
-            Some("base_force") => physics.base_laws.push(BaseLaw {
-                law: force,
-                values: effect.padded(),
-            }),
-            Some("base_torque") => physics.base_laws.push(BaseLaw {
-                law: torque,
-                values: effect.padded(),
-            }),
+            Some("base_force") => physics.base_laws.push(BaseLaw { law: force, values: effect.padded() }),
+            Some("base_torque") => physics.base_laws.push(BaseLaw { law: torque, values: effect.padded() }),
             _ => {}
         }
     }

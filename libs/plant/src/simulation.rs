@@ -1,0 +1,381 @@
+//! The laboratory in motion: commands in, time forward, truth out.
+
+use fss_multibody::{Model, ModelError};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::check::MAX_LINKS;
+use crate::contact::Target;
+use crate::dynamics::{Dynamics, Load, Motion};
+use crate::effect::Effect;
+use crate::file::Plant;
+use crate::physics::{Grasped, Physics, Stream};
+use crate::power::{Air, Charge};
+use crate::servo::{Driver, Joint, JointCommand};
+use crate::thrust;
+use crate::truth::{History, Truth};
+use crate::valves::Valve;
+
+/// Longest step of the integration, which is also the period of the servo drivers [s].
+pub const INTERNAL_STEP_S: f64 = 1e-3;
+
+/// A plant's motion from the start of a run.
+///
+/// Deterministic: the same plant, seed and calls give the same truth to the last bit. It knows no
+/// clock and allocates nothing while it steps. Sensors are apart, in [`crate::Instruments`].
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    /// The plant at each stage of the run, with the time from which it holds: effects begin.
+    stages: Vec<(f64, Dynamics)>,
+    stage: usize,
+    pub(crate) motion: Motion,
+    pub(crate) target: Option<Target>,
+    t_s: f64,
+    steps: u64,
+    valves: Vec<Valve>,
+    air: Air,
+    base_charge: Charge,
+    link_charge: Vec<Charge>,
+    drivers: [Driver; MAX_LINKS],
+    commands: [JointCommand; MAX_LINKS],
+    current_a: [f64; MAX_LINKS],
+    room: Option<Room>,
+    last_load: Load,
+    history: History,
+}
+
+/// Room air: an Ornstein-Uhlenbeck process in force and torque.
+#[derive(Debug, Clone)]
+struct Room {
+    std: [f64; 3],
+    correlation_s: f64,
+    now: [f64; 3],
+    random: ChaCha8Rng,
+}
+
+impl Room {
+    fn new(plant: &Plant, seed: u64) -> Option<Self> {
+        let disturbance = plant.disturbance.as_ref()?;
+        let force = disturbance.force_std_n;
+        let mut room = Self {
+            std: [force, force, disturbance.torque_std_n_m],
+            correlation_s: disturbance.correlation_s,
+            now: [0.0; 3],
+            random: ChaCha8Rng::seed_from_u64(seed),
+        };
+        room.mix(0.0);
+        Some(room)
+    }
+
+    /// Exact transition over `dt_s`; the stationary process has the given spread.
+    fn step(&mut self, dt_s: f64) {
+        self.mix((-dt_s / self.correlation_s).exp());
+    }
+
+    fn mix(&mut self, keep: f64) {
+        let fresh = (1.0 - keep * keep).sqrt();
+        for (value, std) in self.now.iter_mut().zip(self.std) {
+            let normal: f64 = StandardNormal.sample(&mut self.random);
+            *value = keep * *value + fresh * std * normal;
+        }
+    }
+}
+
+impl Simulation {
+    /// The plant at rest at the table's middle with all joints at zero, valves shut, drivers off.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible; a plant that was read from a file has none such.
+    pub fn new(plant: &Plant, seed: u64) -> Result<Self, ModelError> {
+        let stages = stages(plant)?;
+        let slowest = stages.iter().map(|(_, d)| crate::truth::oldest_sample_s(&d.physics)).fold(0.0, f64::max);
+        let mut simulation = Self {
+            stage: 0,
+            motion: Motion::zero(),
+            target: plant.target.as_ref().map(Target::new),
+            t_s: 0.0,
+            steps: 0,
+            valves: vec![Valve::new(); plant.thrusters.len()],
+            air: Air::new(plant.tank.clone()),
+            base_charge: Charge::new(plant.battery.clone()),
+            link_charge: plant.links.iter().map(|l| Charge::new(l.battery.clone())).collect(),
+            drivers: [Driver::default(); MAX_LINKS],
+            commands: [JointCommand::Free; MAX_LINKS],
+            current_a: [0.0; MAX_LINKS],
+            room: Room::new(plant, seed),
+            last_load: Load::zero(),
+            history: History::new(slowest, INTERNAL_STEP_S),
+            stages,
+        };
+        simulation.set_state([0.0; 3], [0.0; 3], &[], &[]);
+        Ok(simulation)
+    }
+
+    /// Puts base frame and joints where they should be, as if they had always been there.
+    ///
+    /// `pose` and `velocity` are of the base frame in the table frame, `q_rad` and `qd_rad_s` of
+    /// the joints (geometric angle less `joint_offset_rad`, so without encoder errors); what is
+    /// missing of these stays.
+    pub fn set_state(&mut self, pose: [f64; 3], velocity: [f64; 3], q_rad: &[f64], qd_rad_s: &[f64]) {
+        let joints = self.joint_count();
+        for (own, q) in self.motion.state.q.as_mut_slice()[3..3 + joints].iter_mut().zip(q_rad) {
+            *own = *q;
+        }
+        for (own, qd) in self.motion.state.v.as_mut_slice()[3..3 + joints].iter_mut().zip(qd_rad_s) {
+            *own = *qd;
+        }
+        let dynamics = &self.stages[self.stage].1;
+        self.motion.state.q.as_mut_slice()[..3].copy_from_slice(&pose);
+        self.motion.state.v.as_mut_slice()[..3].copy_from_slice(&velocity);
+        dynamics.align_rotors(&mut self.motion);
+        self.history.clear();
+        let truth = self.observe();
+        self.history.push(&truth);
+    }
+
+    /// Commands all valves now, in the order of the plant's thrusters.
+    pub fn set_valves(&mut self, open: &[bool]) {
+        let now = self.t_s;
+        for (line, open) in open.iter().enumerate() {
+            self.set_valve(line, *open, now);
+        }
+    }
+
+    /// Commands valve line `line` (from 0) at `at_s`, which may lie ahead within the next step.
+    pub fn set_valve(&mut self, line: usize, open: bool, at_s: f64) {
+        let physics = &self.stages[self.stage].1.physics;
+        let early = physics.sensors.clock_offset_s[Stream::Valves as usize];
+        for (thruster, valve) in physics.thrusters.iter().zip(&mut self.valves) {
+            if thruster.line == line {
+                let acts_at = at_s.max(self.t_s) + (thruster.delay_s - early).max(0.0);
+                valve.command(open, acts_at);
+            }
+        }
+    }
+
+    /// Commands the driver of joint `joint` (from 0).
+    pub fn set_joint(&mut self, joint: usize, command: JointCommand) {
+        if let Some(own) = self.commands.get_mut(joint) {
+            *own = command;
+        }
+    }
+
+    /// Lets `dt_s` pass [s].
+    pub fn step(&mut self, dt_s: f64) {
+        let end = self.t_s + dt_s;
+        while end - self.t_s > 1e-9 {
+            self.enter_stage();
+            let mut step = INTERNAL_STEP_S.min(end - self.t_s);
+            if let Some((onset, _)) = self.stages.get(self.stage + 1)
+                && *onset > self.t_s
+            {
+                step = step.min(onset - self.t_s);
+            }
+            if end - self.t_s - step < 1e-9 {
+                step = end - self.t_s;
+            }
+            self.internal_step(step);
+        }
+        self.t_s = end;
+    }
+
+    fn enter_stage(&mut self) {
+        while let Some((onset, next)) = self.stages.get(self.stage + 1)
+            && *onset <= self.t_s + 1e-9
+        {
+            // Coordinates and rates go on as they are; a drive that becomes elastic starts without wind-up.
+            if next.longest_step_s() < self.stages[self.stage].1.longest_step_s() {
+                next.align_rotors(&mut self.motion);
+            }
+            let grasped = self.physics().grasped;
+            self.stage += 1;
+            self.stages[self.stage].1.physics.grasped = grasped;
+            self.stages[self.stage].1.set_used_gas(self.air.used_kg());
+        }
+    }
+
+    fn internal_step(&mut self, dt_s: f64) {
+        let load = self.load(dt_s);
+        let dynamics = &mut self.stages[self.stage].1;
+        if load.thrust != [0.0; 3] {
+            dynamics.set_used_gas(self.air.used_kg());
+        }
+        let pieces = (dt_s / dynamics.longest_step_s()).ceil().clamp(1.0, 1000.0);
+        let piece = dt_s / pieces;
+        for i in 0..pieces as usize {
+            dynamics.advance(&mut self.motion, self.t_s + i as f64 * piece, piece, &load);
+        }
+        self.t_s += dt_s;
+        self.steps += 1;
+        self.last_load = load;
+        self.move_target(dt_s);
+        self.draw_power(dt_s);
+        let truth = self.observe();
+        self.history.push(&truth);
+    }
+
+    /// What drives the next `dt_s`.
+    fn load(&mut self, dt_s: f64) -> Load {
+        let dynamics = &self.stages[self.stage].1;
+        let physics = &dynamics.physics;
+        let mut load = Load::zero();
+        if let Some(room) = &mut self.room {
+            room.step(dt_s);
+            load.steady.as_mut_slice()[..3].copy_from_slice(&room.now);
+        }
+        let to = self.t_s + dt_s;
+        let share = self.air.thrust_share() * physics.supply.trend(self.t_s + 0.5 * dt_s);
+        let mut open_sum = 0.0;
+        for (valve, thruster) in self.valves.iter_mut().zip(&physics.thrusters) {
+            valve.mean = valve.advance(self.t_s, to, thruster);
+            open_sum += valve.mean;
+        }
+        let mut impulse = 0.0;
+        for (valve, thruster) in self.valves.iter().zip(&physics.thrusters) {
+            let force = share * thruster.force_n(valve.mean, open_sum, &physics.supply);
+            impulse += force * dt_s;
+            thrust::push(&mut load, thruster, force, dynamics, &self.motion);
+        }
+        self.air.take(impulse);
+        for i in 0..physics.joints.len() {
+            let joint = &physics.joints[i];
+            let (angle, rate) = dynamics.motor(i, &self.motion);
+            let seen = Joint {
+                encoder_rad: joint.encoder_scale * angle + joint.encoder_offset_rad,
+                encoder_rate_rad_s: joint.encoder_scale * rate,
+                torque_constant_n_m_a: joint.torque_constant_n_m_a,
+                max_torque_n_m: joint.max_torque_n_m,
+            };
+            let command = if self.link_charge[i].is_alive() { self.commands[i] } else { JointCommand::Free };
+            let current = self.drivers[i].current_a(command, &seen, &physics.servos[i], dt_s);
+            self.current_a[i] = current;
+            load.motor_n_m[i] = current * joint.torque_constant_n_m_a * joint.torque_scale;
+        }
+        load
+    }
+
+    fn draw_power(&mut self, dt_s: f64) {
+        self.base_charge.draw(0.0, dt_s);
+        let load = &self.last_load;
+        for (i, charge) in self.link_charge.iter_mut().enumerate() {
+            // Mechanical power, and what the winding turns to heat: as much as full torque at 1 rad/s.
+            let torque = load.motor_n_m[i].abs();
+            charge.draw(torque * (self.motion.state.v[3 + i].abs() + 1.0), dt_s);
+        }
+    }
+
+    /// Time since the start of the run [s].
+    pub fn t_s(&self) -> f64 {
+        self.t_s
+    }
+
+    /// Number of joints.
+    pub fn joint_count(&self) -> usize {
+        self.physics().joints.len()
+    }
+
+    /// What really acts now.
+    pub fn physics(&self) -> &Physics {
+        &self.stages[self.stage].1.physics
+    }
+
+    pub(crate) fn dynamics(&self) -> &Dynamics {
+        &self.stages[self.stage].1
+    }
+
+    /// The mechanism as it really is now.
+    pub fn model(&self) -> &Model {
+        &self.dynamics().model
+    }
+
+    /// Puts a grasped body on the last link.
+    pub(crate) fn carry(&mut self, grasped: Grasped) {
+        let used = self.air.used_kg();
+        let dynamics = &mut self.stages[self.stage].1;
+        dynamics.physics.grasped = Some(grasped);
+        dynamics.set_used_gas(used);
+    }
+
+    /// Takes it off again.
+    pub(crate) fn let_go(&mut self) {
+        let used = self.air.used_kg();
+        let dynamics = &mut self.stages[self.stage].1;
+        dynamics.physics.grasped = None;
+        dynamics.set_used_gas(used);
+    }
+
+    /// Brings the truth up to date with a motion that was changed from outside a step.
+    pub(crate) fn refresh(&mut self) {
+        let truth = self.observe();
+        self.history.replace_last(&truth);
+    }
+
+    /// The truth now.
+    pub fn truth(&self) -> &Truth {
+        self.history.last()
+    }
+
+    /// The truth at an earlier time, linear between internal steps; the oldest known before that.
+    pub fn truth_at(&self, t_s: f64) -> Truth {
+        self.history.at(t_s)
+    }
+
+    /// Opening of each thruster's valve, 0 to 1.
+    pub fn openings(&self) -> impl Iterator<Item = f64> + '_ {
+        self.valves.iter().map(Valve::opening)
+    }
+
+    /// Gas used since the start [kg].
+    pub fn gas_used_kg(&self) -> f64 {
+        self.air.used_kg()
+    }
+
+    /// Tank pressure [Pa], if the plant has a tank.
+    pub fn tank_pressure_pa(&self) -> Option<f64> {
+        self.air.pressure_pa()
+    }
+
+    /// Voltage of the base's battery [V], if the plant has one.
+    pub fn base_battery_v(&self) -> Option<f64> {
+        self.base_charge.voltage_v()
+    }
+
+    /// Voltage of a link's battery [V], if it has one.
+    pub fn link_battery_v(&self, link: usize) -> Option<f64> {
+        self.link_charge.get(link).and_then(Charge::voltage_v)
+    }
+
+    /// Linear momentum of base and arm, and angular momentum about the table's origin
+    /// [kg m/s, kg m/s, kg m^2/s].
+    pub fn momentum(&self) -> [f64; 3] {
+        let state = &self.motion.state;
+        let momentum = self.model().momentum(state);
+        let (px, py) = (momentum.linear.x, momentum.linear.y);
+        [px, py, momentum.angular_about_base + state.q[0] * py - state.q[1] * px]
+    }
+
+    /// Kinetic energy of base and arm [J].
+    pub fn kinetic_energy_j(&self) -> f64 {
+        self.model().kinetic_energy(&self.motion.state)
+    }
+
+    /// Centre of mass of base and arm, table frame [m].
+    pub fn centre_of_mass_m(&self) -> [f64; 2] {
+        let centre = self.model().center_of_mass(&self.motion.state.q);
+        [centre.x, centre.y]
+    }
+
+    fn observe(&self) -> Truth {
+        Truth::of(self, &self.last_load, &self.current_a)
+    }
+}
+
+/// The plant between the onsets of its effects.
+fn stages(plant: &Plant) -> Result<Vec<(f64, Dynamics)>, ModelError> {
+    let mut starts: Vec<f64> = plant.effects.iter().filter_map(Effect::onset_s).collect();
+    starts.push(0.0);
+    starts.sort_by(f64::total_cmp);
+    starts.dedup();
+    starts.into_iter().map(|t| Ok((t, Dynamics::new(Physics::at(plant, t))?))).collect()
+}

@@ -1,0 +1,81 @@
+//! Force of a thruster, on the base and, by its plume, on the arm.
+
+use crate::dynamics::{Dynamics, Load, Motion};
+use crate::physics::{SupplyPhysics, ThrusterPhysics};
+
+/// Half angle of a plume's cone [rad].
+const PLUME_HALF_ANGLE_RAD: f64 = 0.4;
+/// Beyond this a plume is too thin to push [m].
+const PLUME_REACH_M: f64 = 1.0;
+
+impl SupplyPhysics {
+    /// Thrust at `t_s` over thrust before the trend began.
+    pub fn trend(&self, t_s: f64) -> f64 {
+        let since = (t_s - self.trend_since_s).max(0.0);
+        (1.0 + self.trend_per_s * since).max(0.0)
+    }
+}
+
+impl ThrusterPhysics {
+    /// Force with this valve's opening where all openings add up to `open_sum` [N].
+    ///
+    /// A leak is there as far as the valve is closed.
+    pub fn force_n(&self, opening: f64, open_sum: f64, supply: &SupplyPhysics) -> f64 {
+        let others = (open_sum - opening).max(0.0);
+        let droop = (1.0 - supply.droop_per_extra_valve * others).max(0.0);
+        droop * self.thrust_n * opening + self.leak_n * (1.0 - opening)
+    }
+
+    /// Force and torque on the base for one newton, base axes, about the base frame's origin [-, -, m].
+    pub fn unit_wrench(&self) -> [f64; 3] {
+        let (sin, cos) = self.direction_rad.sin_cos();
+        [cos, sin, self.position_m[0] * sin - self.position_m[1] * cos]
+    }
+}
+
+/// Adds a thruster's force to the load of a step.
+pub(crate) fn push(load: &mut Load, thruster: &ThrusterPhysics, force_n: f64, dynamics: &Dynamics, motion: &Motion) {
+    if force_n == 0.0 {
+        return;
+    }
+    let unit = thruster.unit_wrench();
+    for (sum, u) in load.thrust.iter_mut().zip(unit) {
+        *sum += force_n * u;
+    }
+    if thruster.plume_fraction > 0.0 {
+        push_arm(load, thruster, force_n, dynamics, motion);
+    }
+}
+
+/// A link whose centre of mass lies in the plume is pushed along it, the nearest one only.
+fn push_arm(load: &mut Load, thruster: &ThrusterPhysics, force_n: f64, dynamics: &Dynamics, motion: &Motion) {
+    let q = &motion.state.q;
+    let model = &dynamics.model;
+    let kinematics = model.kinematics(q);
+    let (sin, cos) = q[2].sin_cos();
+    let [px, py] = thruster.position_m;
+    let nozzle = [q[0] + cos * px - sin * py, q[1] + sin * px + cos * py];
+    let (dy, dx) = (q[2] + thruster.direction_rad).sin_cos();
+    for link in 1..=model.link_count() {
+        let com = kinematics.com[link];
+        let to_link = [com.x - nozzle[0], com.y - nozzle[1]];
+        let along = -(to_link[0] * dx + to_link[1] * dy);
+        let across = to_link[0] * dy - to_link[1] * dx;
+        if along <= 0.0 || along > PLUME_REACH_M {
+            continue;
+        }
+        let off_axis = across.atan2(along).abs() / PLUME_HALF_ANGLE_RAD;
+        if off_axis < 1.0 {
+            // Full on the axis, nothing at the cone's edge, smooth between.
+            let share = (1.0 - off_axis * off_axis).powi(2);
+            let push = -thruster.plume_fraction * share * force_n;
+            let body = &model.links()[link - 1];
+            let at = [body.length_m - body.com_to_next_joint_m, body.com_offset_m];
+            let jacobian = model.point_jacobian(q, link, at);
+            for i in 0..model.dof() {
+                load.steady[i] += push * (jacobian[(0, i)] * dx + jacobian[(1, i)] * dy);
+            }
+            return;
+        }
+    }
+}
