@@ -51,6 +51,11 @@ impl Bus {
         self
     }
 
+    /// A topic's name with the vehicle's in front.
+    pub fn full_name(&self, topic: &str) -> String {
+        format!("{}{topic}", self.vehicle)
+    }
+
     /// The device queue of this name; all who name it share it. The first to open it sets its capacity.
     ///
     /// # Errors
@@ -62,7 +67,7 @@ impl Bus {
     }
 
     pub(crate) fn source<T: Sample>(&self, topic: Topic<T>, capacity: usize) -> Result<Source<T>, BusError> {
-        let name = format!("{}{}", self.vehicle, topic.name);
+        let name = self.full_name(topic.name);
         match &self.transport {
             Transport::Local(topics) => {
                 topics.subscribe(&name, capacity).map(Source::Local).ok_or_else(|| two_types::<T>(name))
@@ -72,7 +77,7 @@ impl Bus {
     }
 
     pub(crate) fn sink<T: Sample>(&self, topic: Topic<T>) -> Result<Sink<T>, BusError> {
-        let name = format!("{}{}", self.vehicle, topic.name);
+        let name = self.full_name(topic.name);
         match &self.transport {
             Transport::Local(topics) => topics.publisher(&name).map(Sink::Local).ok_or_else(|| two_types::<T>(name)),
             Transport::Shared(topics) => topics.publisher(&name).map(Sink::Shared),

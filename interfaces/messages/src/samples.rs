@@ -92,6 +92,28 @@ samples! {
 
     /// Telemetry of all links: extrapolated to `stamp_ns`, with the measurement it came from and its age.
     LinksState {
+        consts {
+            /// driver mode: off, the joint turns freely
+            DRIVER_OFF = 0;
+            /// driver mode: holds or approaches an angle
+            DRIVER_POSITION = 1;
+            /// driver mode: follows a rate
+            DRIVER_VELOCITY = 2;
+            /// driver mode: gives a current
+            DRIVER_CURRENT = 3;
+            /// fault bit: the driver reports a fault
+            FAULT_DRIVER = 1;
+            /// fault bit: the torque sensor is saturated
+            FAULT_TORQUE_SENSOR = 2;
+            /// fault bit: the joint stands at its limit
+            FAULT_JOINT_LIMIT = 4;
+            /// fault bit: commands stopped and the link shut its driver off
+            FAULT_COMMAND_TIMEOUT = 8;
+            /// fault bit: the battery is low
+            FAULT_BATTERY_LOW = 16;
+            /// fault bit: the driver gives less torque than it would need
+            FAULT_TORQUE_LIMIT = 32;
+        }
         /// encoder angles extrapolated to stamp_ns, rad
         q_rad: [f64; MAX_LINKS],
         /// joint rates as last measured, rad/s
@@ -109,9 +131,11 @@ samples! {
         /// battery voltages, V
         battery_v: [f64; MAX_LINKS],
         /// sequence of each link's last accepted telemetry datagram
-        telemetry_sequence: [u32; MAX_LINKS],
+        telemetry_sequence: [u64; MAX_LINKS],
+        /// sequence of the last command sent to each link
+        command_sequence: [u64; MAX_LINKS],
         /// sequence of the last command each link has acknowledged
-        acknowledged_sequence: [u32; MAX_LINKS],
+        acknowledged_sequence: [u64; MAX_LINKS],
         /// telemetry datagrams lost since the start, by gaps in their sequence
         lost: [u32; MAX_LINKS],
         /// how many links there are
@@ -120,9 +144,9 @@ samples! {
         refused: u32,
         /// 1 where the link's telemetry is younger than its maximum age
         alive: [u8; MAX_LINKS],
-        /// the driver's mode: 0 off, 1 position, 2 velocity, 3 current
+        /// the driver's mode, one of DRIVER_*
         driver_mode: [u8; MAX_LINKS],
-        /// fault bits: 1 driver, 2 torque sensor saturated, 4 joint limit, 8 command time-out, 16 battery low
+        /// fault bits, FAULT_*
         fault: [u8; MAX_LINKS],
     }
 

@@ -1,1 +1,17 @@
-//! Mission sequencer: phases, their goals and when they end
+//! Missions: what base and arm shall do, phase after phase, and when the mission gives up.
+//!
+//! [`Mission`] is what a mission file says; reading one is strict, and an error names the line and what to do.
+//! [`MissionService`] flies it: it waits until navigation and telemetry are good, publishes the goals of the phase on
+//! `/mission/state`, and ends [done](fss_messages::MissionState::DONE) or
+//! [aborted](fss_messages::MissionState::ABORTED). In both ends the thrusters are shut and the arm holds its joints.
+//!
+//! A mission keeps nothing over a restart, and a mission that was flown in part must not begin anew by itself: its launch
+//! file says `restart = false`. When it dies, base and arm see `/mission/state` age and do the safe thing.
+
+mod error;
+mod file;
+mod service;
+
+pub use error::MissionError;
+pub use file::{ArmGoal, BaseGoal, Initial, Mission, Phase};
+pub use service::{Inputs, MissionConfig, MissionService, Outputs};

@@ -1,1 +1,109 @@
-//! Owns the valves: applies commands, shuts them when commands stop
+//! Owns the valves: applies commands, shuts them when commands stop.
+//!
+//! The dead-man: whatever happened to the sender, all valves shut when the last command is older than
+//! [`DEAD_MAN_NS`]. Only a command that is new to this process counts, and its age runs from its publication or from
+//! now, whichever is earlier, so that neither an old sample nor a stamp from the future keeps a valve open. A restarted
+//! sender begins its sequence anew; that is no reason to refuse it.
+
+pub mod device;
+
+use fss_bus::{DeviceOutput, Latest, Output, Service, Time, inputs, outputs};
+use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic};
+
+/// Age of the last command at which all valves shut, ns: with a step of at most 10 ms and the driver's own time they are
+/// shut within 100 ms of it.
+pub const DEAD_MAN_NS: u64 = 80_000_000;
+/// Queue to the valve driver: masks, bit 0 is thruster 1.
+pub const VALVES_QUEUE: &str = "thrusters.valves";
+
+inputs! {
+    /// What the service reads.
+    pub struct Inputs {
+        /// Which valves shall be open.
+        command: Latest<ThrustersCommand> = topic::THRUSTERS_COMMAND,
+    }
+}
+
+outputs! {
+    /// What the service writes.
+    pub struct Outputs {
+        /// Masks to the driver, one each step.
+        valves: DeviceOutput<u16> = VALVES_QUEUE,
+        /// What is commanded.
+        state: Output<ThrustersState> = topic::THRUSTERS_STATE,
+        /// The dead-man's word.
+        events: Output<Event> = topic::EVENTS,
+    }
+}
+
+/// The service.
+pub struct Thrusters {
+    valve_count: usize,
+    state: ThrustersState,
+    last_command: Option<Time>,
+    last_step: Option<Time>,
+}
+
+impl Thrusters {
+    /// For a vehicle with this many valves, at most [`MAX_THRUSTERS`].
+    pub fn new(valve_count: usize) -> Self {
+        let valve_count = valve_count.min(MAX_THRUSTERS);
+        let state = ThrustersState { valve_count: valve_count as u32, ..ThrustersState::default() };
+        Self { valve_count, state, last_command: None, last_step: None }
+    }
+
+    fn count_open_time(&mut self, now: Time) {
+        let since_ns = self.last_step.map_or(0, |last| now.age_ns(last.ns()));
+        for (time_ns, &open) in self.state.open_time_ns.iter_mut().zip(&self.state.valves) {
+            *time_ns += since_ns * u64::from(open);
+        }
+        self.last_step = Some(now);
+    }
+
+    fn take(&mut self, now: Time, command: &ThrustersCommand) {
+        self.last_command = Some(Time::from_ns(command.published_ns.min(now.ns())));
+        self.state.command_stamp_ns = command.stamp_ns;
+        for (i, valve) in self.state.valves.iter_mut().enumerate() {
+            *valve = u8::from(i < self.valve_count && command.valves[i] != 0);
+        }
+    }
+}
+
+impl Service for Thrusters {
+    type Inputs = Inputs;
+    type Outputs = Outputs;
+    const NAME: &'static str = "thrusters";
+
+    fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        self.count_open_time(now);
+        if let Some(command) = inputs.command.fresh() {
+            self.take(now, command);
+        }
+        let age_ns = self.last_command.map_or(u64::MAX, |last| now.age_ns(last.ns()));
+        let mode = match age_ns {
+            u64::MAX => ThrustersState::IDLE,
+            0..=DEAD_MAN_NS => ThrustersState::ACTIVE,
+            _ => ThrustersState::DEAD_MAN,
+        };
+        if mode != ThrustersState::ACTIVE {
+            self.state.valves = [0; MAX_THRUSTERS];
+        }
+        if mode != self.state.mode {
+            let (severity, message) = match mode {
+                ThrustersState::DEAD_MAN => (Event::WARNING, format_args!("commands stopped: all valves shut")),
+                _ => (Event::INFO, format_args!("commands arrive")),
+            };
+            outputs.events.publish(Event::new(now.ns(), Self::NAME, severity, message));
+        }
+        self.state.mode = mode;
+        self.state.stamp_ns = now.ns();
+        self.state.command_age_ns = age_ns;
+        outputs.state.publish(self.state);
+        outputs.valves.send(mask(&self.state.valves));
+    }
+}
+
+/// Bit 0 is the first valve.
+fn mask(valves: &[u8; MAX_THRUSTERS]) -> u16 {
+    valves.iter().enumerate().fold(0, |mask, (i, &open)| mask | (u16::from(open) << i))
+}

@@ -6,6 +6,7 @@
 //! Plant, mission and launch file are attachments.
 
 mod reader;
+mod table;
 mod writer;
 
 pub use reader::{Gap, Log, TopicInfo};

@@ -1,0 +1,78 @@
+//! The mission file as it is written: keys, and where in the text their values stand.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+pub(super) type Number = Spanned<f64>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Mission {
+    pub(super) name: Spanned<String>,
+    #[serde(default)]
+    pub(super) description: String,
+    #[serde(default)]
+    pub(super) initial: Initial,
+    pub(super) phase: Spanned<Vec<Spanned<Phase>>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Initial {
+    pub(super) q_deg: Option<Spanned<Vec<Number>>>,
+    pub(super) qd_deg_s: Option<Spanned<Vec<Number>>>,
+    pub(super) x_m: Option<Number>,
+    pub(super) y_m: Option<Number>,
+    pub(super) theta_deg: Option<Number>,
+    pub(super) vx_m_s: Option<Number>,
+    pub(super) vy_m_s: Option<Number>,
+    pub(super) omega_deg_s: Option<Number>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Phase {
+    pub(super) name: Option<String>,
+    pub(super) duration_s: Number,
+    pub(super) settle_s: Option<Number>,
+    pub(super) base: Base,
+    pub(super) arm: Spanned<Arm>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Base {
+    pub(super) goal: Spanned<BaseGoal>,
+    pub(super) x_m: Option<Number>,
+    pub(super) y_m: Option<Number>,
+    pub(super) theta_deg: Option<Number>,
+    pub(super) relative: Option<Spanned<bool>>,
+}
+
+#[derive(Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum BaseGoal {
+    Free,
+    Hold,
+    Goto,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Arm {
+    pub(super) goal: Spanned<ArmGoal>,
+    pub(super) q_deg: Option<Spanned<Vec<Number>>>,
+    pub(super) length_m: Option<Number>,
+    pub(super) direction_deg: Option<Number>,
+    pub(super) keep_orientation: Option<Spanned<bool>>,
+}
+
+#[derive(Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ArmGoal {
+    Off,
+    Hold,
+    Joints,
+    Line,
+    ZeroReaction,
+}

@@ -1,0 +1,130 @@
+//! Mission files: those that come with fss fit its plant, and a bad one is refused with the line and what to do.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use fss_mission::{ArmGoal, BaseGoal, Mission, MissionError};
+use fss_plant::Plant;
+use std::path::Path;
+
+const LINK: &str = "[[link]]\nlength_m = 0.38\ncom_to_next_joint_m = 0.19\nmass_kg = 2.88\ninertia_kg_m2 = 0.034\n\
+    joint_limit_rad = 1.570796327\ntorque_constant_N_m_A = 0.6\nmax_torque_N_m = 1.8\n";
+
+fn four_link_plant() -> Plant {
+    let base = "[base]\nmass_kg = 10.0\ninertia_kg_m2 = 0.25\njoint1_xy_m = [0.2058, 0.0155]\n";
+    Plant::parse(&format!("{base}{}", LINK.repeat(4))).unwrap()
+}
+
+fn shipped(name: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../deploy/etc/missions");
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+#[test]
+fn the_missions_that_come_with_fss_fit_a_four_link_vehicle() {
+    for name in ["hold", "slew", "reach", "zero-reaction"] {
+        let mission = Mission::parse_for(&shipped(&format!("{name}.toml")), &four_link_plant()).unwrap();
+        assert_eq!(mission.name, name);
+        assert!(!mission.description.is_empty());
+    }
+}
+
+#[test]
+fn reach_and_zero_reaction_are_the_same_line_but_for_the_reaction() {
+    let line = |name: &str| match Mission::parse(&shipped(name)).unwrap().phases.pop().unwrap() {
+        phase if phase.base == BaseGoal::Free => (phase.duration_s, phase.arm),
+        phase => panic!("the base has a goal: {:?}", phase.base),
+    };
+    let expect = |zero_reaction| ArmGoal::Line {
+        length_m: 0.1,
+        direction_rad: 240_f64.to_radians(),
+        keep_orientation: false,
+        zero_reaction,
+    };
+    assert_eq!(line("reach.toml"), (20.0, expect(false)));
+    assert_eq!(line("zero-reaction.toml"), (20.0, expect(true)));
+}
+
+/// A mission of one phase with these goals; `base` stands on line 4 and `arm` on line 5.
+fn with_goals(base: &str, arm: &str) -> Result<Mission, MissionError> {
+    let text = format!("name = \"test\"\n[[phase]]\nduration_s = 10\nbase = {base}\narm = {arm}\n");
+    Mission::parse_for(&text, &four_link_plant())
+}
+
+#[track_caller]
+fn refused(result: Result<Mission, MissionError>, line: usize, says: &[&str]) {
+    let error = result.expect_err("it should be refused");
+    assert_eq!(error.line, line, "{error}");
+    for part in says {
+        assert!(error.to_string().contains(part), "'{part}' is not in: {error}");
+    }
+}
+
+const FREE: &str = "{ goal = \"free\" }";
+const HOLD: &str = "{ goal = \"hold\" }";
+
+#[test]
+fn a_misspelt_key_is_refused_where_it_stands() {
+    refused(with_goals(FREE, "{ goal = \"line\", lenght_m = 0.1 }"), 5, &["lenght_m", "spelling"]);
+}
+
+#[test]
+fn an_unknown_goal_is_answered_with_those_that_there_are() {
+    refused(with_goals("{ goal = \"fly\" }", HOLD), 4, &["fly", "free", "hold", "goto"]);
+}
+
+#[test]
+fn a_missing_key_is_named() {
+    refused(with_goals(FREE, "{ goal = \"line\", length_m = 0.1 }"), 5, &["direction_deg", "add the key"]);
+    refused(with_goals(FREE, "{ goal = \"joints\" }"), 5, &["q_deg", "add the key"]);
+    refused(with_goals("{ goal = \"goto\", x_m = 0.5 }", HOLD), 4, &["all of x_m, y_m and theta_deg"]);
+    refused(Mission::parse("name = \"empty\"\n"), 1, &["phase"]);
+    refused(
+        Mission::parse("name = \"a\"\n[[phase]]\nbase = { goal = \"free\" }\narm = { goal = \"hold\" }"),
+        2,
+        &["duration_s"],
+    );
+}
+
+#[test]
+fn goals_that_contradict_each_other_are_refused() {
+    let line = "{ goal = \"zero-reaction\", length_m = 0.1, direction_deg = 240 }";
+    refused(with_goals(HOLD, line), 4, &["zero-reaction", "free"]);
+    refused(with_goals("{ goal = \"free\", x_m = 1 }", HOLD), 4, &["x_m", "goto"]);
+    refused(with_goals(FREE, "{ goal = \"hold\", length_m = 0.1 }"), 5, &["length_m", "line"]);
+    refused(
+        with_goals(FREE, "{ goal = \"line\", length_m = 1, direction_deg = 0, q_deg = [0, 0, 0, 0] }"),
+        5,
+        &["q_deg", "joints"],
+    );
+}
+
+#[test]
+fn goals_beyond_the_plant_are_refused() {
+    refused(with_goals(FREE, "{ goal = \"joints\", q_deg = [0, 0, 91, 0] }"), 5, &["joint 3", "90"]);
+    refused(with_goals(FREE, "{ goal = \"joints\", q_deg = [0, 0, 9] }"), 5, &["3 numbers", "4 joints"]);
+    refused(with_goals("{ goal = \"goto\", x_m = 2.1, y_m = 0, theta_deg = 0 }", HOLD), 4, &["2.1", "table"]);
+    refused(with_goals(FREE, "{ goal = \"line\", length_m = -0.1, direction_deg = 0 }"), 5, &["-0.1", "positive"]);
+    refused(with_goals(FREE, "{ goal = \"line\", length_m = 9, direction_deg = 0 }"), 5, &["beyond the arm"]);
+}
+
+#[test]
+fn numbers_that_are_none_and_times_that_make_no_sense_are_refused() {
+    refused(with_goals("{ goal = \"goto\", x_m = nan, y_m = 0, theta_deg = 0 }", HOLD), 4, &["finite"]);
+    let lasting =
+        |s: &str| Mission::parse(&format!("name = \"a\"\n[[phase]]\nduration_s = {s}\nbase = {FREE}\narm = {HOLD}"));
+    refused(lasting("0"), 3, &["cannot last 0"]);
+    refused(lasting("1e9"), 3, &["3600"]);
+    refused(lasting("5\nsettle_s = -1"), 4, &["-1"]);
+}
+
+#[test]
+fn broken_toml_is_refused_at_its_line() {
+    refused(Mission::parse("name = \"a\"\n[[phase]\n"), 2, &["TOML"]);
+}
+
+#[test]
+fn a_start_beyond_a_stop_is_refused() {
+    let text = format!(
+        "name = \"a\"\n[initial]\nq_deg = [0, 95, 0, 0]\n[[phase]]\nduration_s = 1\nbase = {FREE}\narm = {HOLD}"
+    );
+    refused(Mission::parse_for(&text, &four_link_plant()), 3, &["joint 2"]);
+}

@@ -1,0 +1,52 @@
+//! Drivers that move the valves.
+
+use fss_wire::valves::ValveFrame;
+use std::io::{self, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+
+/// Something that opens and shuts all valves at once.
+pub trait Valves {
+    /// Sets the lines; bit 0 is thruster 1, set is open.
+    ///
+    /// # Errors
+    /// Where the lines cannot be set.
+    fn set(&mut self, mask: u16) -> io::Result<()>;
+}
+
+/// The valve line of the simulated laboratory. It carries every step's mask, so that nothing depends on one frame, and
+/// connects anew where the laboratory was restarted.
+pub struct LaboratoryLine {
+    path: PathBuf,
+    stream: Option<UnixStream>,
+    counter: u32,
+}
+
+impl LaboratoryLine {
+    /// The line at a Unix socket's path.
+    pub fn new(path: &Path) -> Self {
+        Self { path: path.to_owned(), stream: None, counter: 0 }
+    }
+
+    fn connect(&mut self) -> io::Result<&mut UnixStream> {
+        if self.stream.is_none() {
+            let stream = UnixStream::connect(&self.path)?;
+            stream.set_nonblocking(true)?;
+            self.stream = Some(stream);
+        }
+        self.stream.as_mut().ok_or_else(|| io::ErrorKind::NotConnected.into())
+    }
+}
+
+impl Valves for LaboratoryLine {
+    fn set(&mut self, mask: u16) -> io::Result<()> {
+        self.counter = self.counter.wrapping_add(1);
+        let frame = ValveFrame { mask, counter: self.counter }.encode();
+        let sent = self.connect()?.write_all(&frame);
+        if sent.is_err() {
+            // A closed connection shuts the valves on the other side; the next step connects anew.
+            self.stream = None;
+        }
+        sent
+    }
+}
