@@ -1,0 +1,88 @@
+//! The radio: a UDP socket and the thread that owns it.
+
+use crate::{CommandDatagram, TelemetryDatagram};
+use fss_bus::{Queue, realtime};
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// How long the thread waits for telemetry before it looks for commands: the longest that a command waits, a hundredth
+/// of the time between two.
+const WAIT: Duration = Duration::from_millis(2);
+
+/// The thread that speaks with the links; it ends when this is dropped.
+#[derive(Debug)]
+pub struct Device {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    local: SocketAddr,
+}
+
+impl Device {
+    /// Speaks from the address `local` with the links at `links`, joint 1 first. Datagrams from any other address are
+    /// dropped; a full telemetry queue loses its oldest.
+    ///
+    /// # Errors
+    /// Where the address is taken or the thread cannot be made.
+    pub fn start(
+        local: SocketAddr,
+        links: Vec<SocketAddr>,
+        telemetry: Queue<TelemetryDatagram>,
+        commands: Queue<CommandDatagram>,
+    ) -> io::Result<Self> {
+        let socket = UdpSocket::bind(local)?;
+        socket.set_read_timeout(Some(WAIT))?;
+        let local = socket.local_addr()?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let radio = Radio { socket, links, telemetry, commands, stop: stop.clone() };
+        let thread = std::thread::Builder::new().name("links-udp".to_owned()).spawn(move || radio.run())?;
+        Ok(Self { stop, thread: Some(thread), local })
+    }
+
+    /// The address from which it speaks.
+    pub fn local_addr(&self) -> SocketAddr {
+        self.local
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has nothing more to say.
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Radio {
+    socket: UdpSocket,
+    links: Vec<SocketAddr>,
+    telemetry: Queue<TelemetryDatagram>,
+    commands: Queue<CommandDatagram>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Radio {
+    fn run(&self) {
+        let mut buffer = [0; 2048];
+        while !self.stop.load(Ordering::Relaxed) {
+            // A time-out, or a link's closed port: both are silence, which the service notices by itself.
+            if let Ok((len, from)) = self.socket.recv_from(&mut buffer)
+                && self.links.contains(&from)
+                && let Ok(now) = realtime::now()
+            {
+                self.telemetry.force_push(TelemetryDatagram::new(now.ns(), &buffer[..len]));
+            }
+            while let Some(command) = self.commands.pop() {
+                if let Some(link) = self.links.get(command.link) {
+                    // A datagram that cannot be sent is a lost one.
+                    let _ = self.socket.send_to(&command.bytes, link);
+                }
+            }
+        }
+    }
+}
