@@ -12,6 +12,7 @@
 //! Devices stand outside: their threads hand over decoded messages through bounded lock-free queues, which a service
 //! sees as a [`Feed`] (in) or a [`DeviceOutput`] (out).
 
+pub mod allocation;
 mod bus;
 mod error;
 pub mod health;
