@@ -72,3 +72,21 @@ pub(crate) fn perp(v: &Vector2<f64>) -> Vector2<f64> {
 pub(crate) fn cross(a: &Vector2<f64>, b: &Vector2<f64>) -> f64 {
     a.x * b.y - a.y * b.x
 }
+
+/// Calls a function generic in the number of bodies with that of `$model`.
+macro_rules! by_bodies {
+    ($model:expr, $function:ident($($argument:expr),*)) => {
+        match $model.link_count() {
+            0 => $function::<1>($($argument),*),
+            1 => $function::<2>($($argument),*),
+            2 => $function::<3>($($argument),*),
+            3 => $function::<4>($($argument),*),
+            4 => $function::<5>($($argument),*),
+            5 => $function::<6>($($argument),*),
+            6 => $function::<7>($($argument),*),
+            7 => $function::<8>($($argument),*),
+            _ => $function::<{ $crate::MAX_BODIES }>($($argument),*),
+        }
+    };
+}
+pub(crate) use by_bodies;

@@ -1,9 +1,13 @@
 //! Generalized inertia, bias forces, inverse and forward dynamics, energies.
 
-use nalgebra::{SMatrix, Vector2};
+use nalgebra::{SMatrix, Vector2, Vector3};
 
-use crate::chain::{Chain, absolute, cross, perp};
-use crate::{Coordinates, MAX_BODIES, MassMatrix, Model, State};
+use crate::chain::{Chain, by_bodies, perp};
+use crate::kernel::{forward, hybrid, inverse, inverse_inertia};
+use crate::{Coordinates, JointVector, MAX_BODIES, MAX_LINKS, MassMatrix, Model, State};
+
+/// Accelerations, rad/s^2, of the joints that have no choice ([`Model::hybrid_dynamics`]).
+pub type Prescribed = [Option<f64>; MAX_LINKS];
 
 impl Model {
     /// Generalized inertia `H(q)`, symmetric positive definite in its leading dof x dof block: `T = v' H v / 2`.
@@ -58,33 +62,7 @@ impl Model {
     ///
     /// For a clamped base the first three are the force and moment that the clamp must supply.
     pub fn inverse_dynamics(&self, state: &State, acc: &Coordinates) -> Coordinates {
-        let chain = Chain::<MAX_BODIES>::at(self, &state.q);
-        let rate = absolute::<MAX_BODIES>(&state.v);
-        let turn = absolute::<MAX_BODIES>(acc);
-        let lumps = &self.lumps;
-        let bodies = self.link_count() + 1;
-        let mut origin = Vector2::new(acc[0], acc[1]) - Vector2::from(self.gravity_m_s2());
-        let mut moment = [0.0; MAX_BODIES];
-        let start = origin;
-        for i in 0..bodies {
-            moment[i] = lumps.j[i] * turn[i] + cross(&chain.s[i], &origin);
-            origin += spin(&chain.d[i], rate[i], turn[i]);
-        }
-        let mut tau = Coordinates::zeros();
-        let mut beyond = Vector2::zeros();
-        let mut total = 0.0;
-        for i in (0..bodies).rev() {
-            total += moment[i] + cross(&chain.d[i], &beyond);
-            beyond += spin(&chain.s[i], rate[i], turn[i]);
-            tau[2 + i] = total;
-            if i > 0 {
-                tau[2 + i] += lumps.rotor[i] * acc[2 + i];
-            }
-        }
-        let force = beyond + lumps.total_mass * start;
-        tau[0] = force.x;
-        tau[1] = force.y;
-        tau
+        by_bodies!(self, inverse(self, state, acc))
     }
 
     /// Accelerations `acc = H^-1 (tau - h)` under the generalized forces `tau = [Fx, Fy, Mz about the base origin,
@@ -93,17 +71,42 @@ impl Model {
     /// The two translations are eliminated by hand (crate documentation), what is left is factored as `L D L'` with
     /// the number of bodies known to the compiler.
     pub fn forward_dynamics(&self, state: &State, tau: &Coordinates) -> Coordinates {
-        match self.link_count() {
-            0 => forward::<1>(self, state, tau),
-            1 => forward::<2>(self, state, tau),
-            2 => forward::<3>(self, state, tau),
-            3 => forward::<4>(self, state, tau),
-            4 => forward::<5>(self, state, tau),
-            5 => forward::<6>(self, state, tau),
-            6 => forward::<7>(self, state, tau),
-            7 => forward::<8>(self, state, tau),
-            _ => forward::<MAX_BODIES>(self, state, tau),
+        by_bodies!(self, forward(self, state, tau))
+    }
+
+    /// Accelerations and torques where some joints follow a prescribed acceleration whatever it takes and the others
+    /// have the torque given: hybrid dynamics (Featherstone 2008, section 9.2).
+    ///
+    /// `prescribed[i]`, rad/s^2, rules joint `i + 1`; for such a joint `tau` is ignored.
+    pub fn hybrid_dynamics(&self, state: &State, tau: &Coordinates, prescribed: &Prescribed) -> Hybrid {
+        let acc = by_bodies!(self, hybrid(self, state, tau, prescribed));
+        let needed = self.inverse_dynamics(state, &acc);
+        let mut torques = *tau;
+        for (i, joint) in prescribed.iter().enumerate().take(self.link_count()) {
+            if joint.is_some() {
+                torques[3 + i] = needed[3 + i];
+            }
         }
+        Hybrid { acc, tau: torques }
+    }
+
+    /// Accelerations when all joint accelerations are given (rad/s^2, one a joint) and `[Fx, Fy, Mz]` acts on the
+    /// base: what a base does under an arm that follows its servos. [`Model::inverse_dynamics`] then gives the torques.
+    pub fn prescribed_dynamics(
+        &self,
+        state: &State,
+        joint_acc: &JointVector,
+        base_force: &Vector3<f64>,
+    ) -> Coordinates {
+        let tau = Coordinates::from_fn(|i, _| if i < 3 { base_force[i] } else { 0.0 });
+        let prescribed = std::array::from_fn(|i| Some(joint_acc[i]));
+        by_bodies!(self, hybrid(self, state, &tau, &prescribed))
+    }
+
+    /// `H^-1`, the accelerations per generalized force: symmetric; for a clamped base its first three rows and columns
+    /// are zero. Zero outside the leading dof x dof block.
+    pub fn mass_matrix_inverse(&self, q: &Coordinates) -> MassMatrix {
+        by_bodies!(self, inverse_inertia(self, q))
     }
 
     /// Kinetic energy, J.
@@ -117,92 +120,11 @@ impl Model {
     }
 }
 
-/// Acceleration of the end of a vector that turns: `alpha u^perp - omega^2 u`.
-#[inline(always)]
-fn spin(u: &Vector2<f64>, omega: f64, alpha: f64) -> Vector2<f64> {
-    alpha * perp(u) - omega * omega * u
-}
-
-#[inline(always)]
-fn forward<const B: usize>(model: &Model, state: &State, tau: &Coordinates) -> Coordinates {
-    let chain = Chain::<B>::at(model, &state.q);
-    let rate = absolute::<B>(&state.v);
-    let lumps = &model.lumps;
-    let clamped = model.base().clamped;
-    // A clamped base is infinitely heavy: then e_i is d_i and gravity does not cancel.
-    let per_mass = if clamped { 0.0 } else { lumps.per_mass };
-    let gravity = Vector2::from(model.gravity_m_s2());
-    let force = Vector2::new(tau[0], tau[1]);
-    let pull = if clamped { gravity } else { -per_mass * force };
-
-    let mut inertia = [[0.0; B]; B];
-    let mut moment = [0.0; B];
-    let mut square = [0.0; B];
-    for i in 0..B {
-        square[i] = rate[i] * rate[i];
-        let next = if i + 1 < B { tau[3 + i] } else { 0.0 };
-        moment[i] = tau[2 + i] - next + cross(&chain.s[i], &pull);
-        inertia[i][i] = lumps.j[i] - per_mass * lumps.s[i].norm_squared();
-    }
-    for i in 0..B {
-        let e = chain.d[i] - per_mass * chain.s[i];
-        for j in i + 1..B {
-            let s = &chain.s[j];
-            inertia[j][i] = e.dot(s);
-            let lever = cross(&e, s);
-            moment[i] += square[j] * lever;
-            moment[j] -= square[i] * lever;
-        }
-    }
-    for i in 1..B {
-        inertia[i][i] += lumps.rotor[i];
-        inertia[i - 1][i - 1] += lumps.rotor[i];
-        inertia[i][i - 1] -= lumps.rotor[i];
-    }
-    let turn = solve(&inertia, &moment, usize::from(clamped));
-
-    let mut acc = Coordinates::zeros();
-    if !clamped {
-        let mut origin = force;
-        for i in 0..B {
-            origin -= spin(&chain.s[i], rate[i], turn[i]);
-        }
-        acc[0] = origin.x * per_mass + gravity.x;
-        acc[1] = origin.y * per_mass + gravity.y;
-    }
-    acc[2] = turn[0];
-    for i in 1..B {
-        acc[2 + i] = turn[i] - turn[i - 1];
-    }
-    acc
-}
-
-/// Solves `A x = b` for the rows and columns from `first` on, `A` symmetric positive definite and given by its lower
-/// triangle, by `L D L'`; the rows before `first` get zero.
-#[inline(always)]
-fn solve<const B: usize>(a: &[[f64; B]; B], b: &[f64; B], first: usize) -> [f64; B] {
-    let mut l = *a;
-    let mut x = *b;
-    let mut inverse = [0.0; B];
-    for j in first..B {
-        inverse[j] = 1.0 / l[j][j];
-        for i in j + 1..B {
-            let factor = l[i][j] * inverse[j];
-            for k in j + 1..=i {
-                l[i][k] -= factor * l[k][j];
-            }
-            x[i] -= factor * x[j];
-        }
-    }
-    for i in (first..B).rev() {
-        let mut sum = x[i];
-        for k in i + 1..B {
-            sum -= l[k][i] * x[k];
-        }
-        x[i] = sum * inverse[i];
-    }
-    for row in x.iter_mut().take(first) {
-        *row = 0.0;
-    }
-    x
+/// Accelerations and generalized forces that belong together ([`Model::hybrid_dynamics`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hybrid {
+    /// Generalized accelerations.
+    pub acc: Coordinates,
+    /// Generalized forces: as given, and at the prescribed joints the torques that it takes.
+    pub tau: Coordinates,
 }

@@ -49,17 +49,27 @@
 #![allow(clippy::inline_always)]
 
 mod chain;
+mod derivatives;
 mod dynamics;
 pub mod integrate;
+mod kernel;
 mod kinematics;
 mod model;
 mod momentum;
+mod parameters;
+mod regressor;
+mod sensitivity;
 mod state;
 mod trig;
 
+pub use derivatives::{ForwardDerivatives, InverseDerivatives};
+pub use dynamics::{Hybrid, Prescribed};
 pub use kinematics::Kinematics;
-pub use model::{Base, Link, Model, ModelError};
+pub use model::{Base, Body, Link, Model, ModelError};
 pub use momentum::Momentum;
+pub use parameters::Parameter;
+pub use regressor::{Inertial, InertialVector, MomentumRegressor, Regressor};
+pub use sensitivity::{Cause, ForceGradient, ForceLaw, Sensitivity, step_with_derivatives};
 pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State};
 
 /// Most links that a [`Model`] can have.

@@ -86,6 +86,14 @@ pub enum ModelError {
     /// More links than the fixed capacity.
     #[error("{0} links, but at most {MAX_LINKS} are possible")]
     TooManyLinks(usize),
+    /// A parameter names a link that is not there.
+    #[error("there is no link {number}: the arm has {links}")]
+    NoSuchLink {
+        /// The link asked for, counted from 1.
+        number: usize,
+        /// Number of links.
+        links: usize,
+    },
     /// A clamped base without an arm has nothing that can move.
     #[error("a clamped base without links has nothing that can move")]
     NothingMoves,
@@ -142,10 +150,10 @@ impl std::fmt::Display for Body {
 /// simulation that varies it, and no method allocates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
-    base: Base,
-    links: [Link; MAX_LINKS],
-    link_count: usize,
-    gravity_m_s2: [f64; 2],
+    pub(crate) base: Base,
+    pub(crate) links: [Link; MAX_LINKS],
+    pub(crate) link_count: usize,
+    pub(crate) gravity_m_s2: [f64; 2],
     pub(crate) lumps: Lumps,
 }
 

@@ -1,6 +1,9 @@
 //! The laboratory's vehicle and the reference files.
 #![allow(dead_code, clippy::unwrap_used)]
 
+pub(crate) mod hyperdual;
+pub(crate) mod random;
+
 use fss_multibody::{Base, Coordinates, Link, Model, State};
 use serde_json::Value;
 

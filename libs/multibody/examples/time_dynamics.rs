@@ -1,0 +1,84 @@
+//! Prints how long the dynamics take: `cargo run --release -p fss-multibody --example time_dynamics`.
+//!
+//! Each evaluation starts from what the one before it gave, as in a simulation, so that nothing overlaps that would not
+//! there. Medians of several batches.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use fss_multibody::{Base, Coordinates, Link, Model, ModelError, State, integrate};
+
+const BATCHES: usize = 31;
+const BATCH: u32 = 20_000;
+
+fn main() -> Result<(), ModelError> {
+    println!("links  forward_dynamics_ns  forward_latency_ns  rk4_step_ns  inverse_dynamics_ns  mass_matrix_ns");
+    for links in 0..=8 {
+        let model = arm(links)?;
+        let state = moving(&model);
+        let tau = Coordinates::from_fn(|i, _| if i < model.dof() { 0.02 * (i as f64 - 3.0) } else { 0.0 });
+
+        let forward = median_ns(|| {
+            black_box(model.forward_dynamics(black_box(&state), black_box(&tau)));
+        });
+        let mut chained = state;
+        let latency = median_ns(|| {
+            let acc = model.forward_dynamics(&chained, &tau);
+            // Makes the next evaluation wait for this one without moving the state.
+            chained.q[2] += 1e-300 * acc[2 + links];
+        });
+        let mut flying = state;
+        let step = median_ns(|| flying = integrate::step_rk4(&model, &flying, 1e-6, |_, _| tau));
+        let inverse = median_ns(|| {
+            black_box(model.inverse_dynamics(black_box(&state), black_box(&tau)));
+        });
+        let inertia = median_ns(|| {
+            black_box(model.mass_matrix(black_box(&state.q)));
+        });
+        black_box((chained, flying));
+        println!("{links:5}  {forward:19.1}  {latency:18.1}  {step:11.1}  {inverse:19.1}  {inertia:14.1}");
+    }
+    Ok(())
+}
+
+fn median_ns(mut run: impl FnMut()) -> f64 {
+    let mut times: Vec<f64> = (0..BATCHES)
+        .map(|_| {
+            let start = Instant::now();
+            for _ in 0..BATCH {
+                run();
+            }
+            start.elapsed().as_secs_f64() * 1e9 / f64::from(BATCH)
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[BATCHES / 2]
+}
+
+/// The laboratory's vehicle with the number of links given.
+fn arm(links: usize) -> Result<Model, ModelError> {
+    let base = Base {
+        mass_kg: 10.0,
+        inertia_kg_m2: 0.25,
+        joint1_xy_m: [0.2058, 0.0155],
+        joint1_angle_rad: 0.317_841_91,
+        ..Base::default()
+    };
+    let link = Link {
+        length_m: 0.3825,
+        com_to_next_joint_m: 0.191,
+        mass_kg: 2.88,
+        inertia_kg_m2: 0.034,
+        joint_offset_rad: 0.02,
+        ..Link::default()
+    };
+    Model::new(base, &vec![link; links], [0.0; 2])
+}
+
+fn moving(model: &Model) -> State {
+    let within = |i: usize, value: f64| if i < model.dof() { value } else { 0.0 };
+    State {
+        q: Coordinates::from_fn(|i, _| within(i, 0.3 - 0.1 * i as f64)),
+        v: Coordinates::from_fn(|i, _| within(i, 0.05 * i as f64 - 0.2)),
+    }
+}
