@@ -5,6 +5,7 @@
 //! - [`Effect`] is what a plant has beyond them; [`effects::catalogue`] lists every kind.
 //! - [`Physics`] is what really acts: the values with the effects built in.
 //! - [`Simulation`] lets it move: commands in, time forward, [`Truth`] out.
+//! - [`Rollout`] is the base alone, fast, under recorded joints and valves, for identification.
 //! - [`Instruments`] are the sensors: what they say about the truth.
 
 mod advance;
@@ -22,6 +23,7 @@ mod instruments;
 mod parts;
 mod physics;
 mod power;
+mod rollout;
 mod servo;
 mod simulation;
 mod thrust;
@@ -41,6 +43,7 @@ pub use physics::{
     BaseLaw, BaseMotion, BasePhysics, Grasped, JointLaw, JointPhysics, LinkPhysics, Physics, SensorPhysics, Stream,
     SupplyPhysics, ThrusterPhysics,
 };
+pub use rollout::{BaseSample, Grid, JointSample, Rollout, ValveHistory};
 pub use servo::JointCommand;
 pub use simulation::{INTERNAL_STEP_S, Simulation};
 pub use truth::Truth;

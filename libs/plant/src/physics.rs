@@ -258,6 +258,16 @@ impl Physics {
         physics
     }
 
+    /// The plant's nominal values with `effects`, between the onsets of these: each with the time from which it holds.
+    pub fn stages(plant: &Plant, effects: &[Effect]) -> Vec<(f64, Self)> {
+        let mut starts: Vec<f64> = effects.iter().filter_map(Effect::onset_s).collect();
+        starts.push(0.0);
+        starts.sort_by(f64::total_cmp);
+        starts.dedup();
+        let active = |t: f64| Self::with(plant, effects.iter().filter(move |e| e.is_active(t)));
+        starts.into_iter().map(|t| (t, active(t))).collect()
+    }
+
     fn of_values(plant: &Plant) -> Self {
         let base = &plant.base;
         let joint_count = plant.links.len();

@@ -8,7 +8,6 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::check::MAX_LINKS;
 use crate::contact::Target;
 use crate::dynamics::{Dynamics, Load, Motion};
-use crate::effect::Effect;
 use crate::file::Plant;
 use crate::physics::{Grasped, Physics, Stream};
 use crate::power::{Air, Charge};
@@ -43,6 +42,8 @@ pub struct Simulation {
     room: Option<Room>,
     last_load: Load,
     history: History,
+    /// Whether any sensor shows what was rather than what is, so that every step must be remembered.
+    looks_back: bool,
 }
 
 /// Room air: an Ornstein-Uhlenbeck process in force and torque.
@@ -88,7 +89,10 @@ impl Simulation {
     /// # Errors
     /// When effects make a mass or an inertia impossible; a plant that was read from a file has none such.
     pub fn new(plant: &Plant, seed: u64) -> Result<Self, ModelError> {
-        let stages = stages(plant)?;
+        let stages = Physics::stages(plant, &plant.effects)
+            .into_iter()
+            .map(|(t, physics)| Dynamics::new(physics).map(|dynamics| (t, dynamics)))
+            .collect::<Result<Vec<_>, _>>()?;
         let slowest = stages.iter().map(|(_, d)| crate::truth::oldest_sample_s(&d.physics)).fold(0.0, f64::max);
         let mut simulation = Self {
             stage: 0,
@@ -106,6 +110,7 @@ impl Simulation {
             room: Room::new(plant, seed),
             last_load: Load::zero(),
             history: History::new(slowest, INTERNAL_STEP_S),
+            looks_back: slowest > 0.0,
             stages,
         };
         simulation.set_state([0.0; 3], [0.0; 3], &[], &[]);
@@ -130,8 +135,7 @@ impl Simulation {
         self.motion.state.v.as_mut_slice()[..3].copy_from_slice(&velocity);
         dynamics.align_rotors(&mut self.motion);
         self.history.clear();
-        let truth = self.observe();
-        self.history.push(&truth);
+        self.remember();
     }
 
     /// Commands all valves now, in the order of the plant's thrusters.
@@ -176,8 +180,14 @@ impl Simulation {
                 step = end - self.t_s;
             }
             self.internal_step(step);
+            if self.looks_back {
+                self.remember();
+            }
         }
         self.t_s = end;
+        if !self.looks_back {
+            self.remember();
+        }
     }
 
     fn enter_stage(&mut self) {
@@ -211,6 +221,9 @@ impl Simulation {
         self.last_load = load;
         self.move_target(dt_s);
         self.draw_power(dt_s);
+    }
+
+    fn remember(&mut self) {
         let truth = self.observe();
         self.history.push(&truth);
     }
@@ -316,7 +329,8 @@ impl Simulation {
         self.history.last()
     }
 
-    /// The truth at an earlier time, linear between internal steps; the oldest known before that.
+    /// The truth at an earlier time, linear between what is remembered: every internal step where a sensor shows what
+    /// was, else every call of [`Simulation::step`]; the oldest known before that.
     pub fn truth_at(&self, t_s: f64) -> Truth {
         self.history.at(t_s)
     }
@@ -369,13 +383,4 @@ impl Simulation {
     fn observe(&self) -> Truth {
         Truth::of(self, &self.last_load, &self.current_a)
     }
-}
-
-/// The plant between the onsets of its effects.
-fn stages(plant: &Plant) -> Result<Vec<(f64, Dynamics)>, ModelError> {
-    let mut starts: Vec<f64> = plant.effects.iter().filter_map(Effect::onset_s).collect();
-    starts.push(0.0);
-    starts.sort_by(f64::total_cmp);
-    starts.dedup();
-    starts.into_iter().map(|t| Ok((t, Dynamics::new(Physics::at(plant, t))?))).collect()
 }

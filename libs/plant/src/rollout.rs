@@ -1,0 +1,261 @@
+//! The base alone, fast: joints and valves go as recorded, the base follows from the momentum.
+//!
+//! Where the joints' motion is known, base and arm obey six equations: the base moves with what the momentum leaves
+//! after the arm's share (resolved momentum; Umetani and Yoshida, 1989), and only forces from outside change the
+//! momentum. Joint accelerations are not needed, so that nothing has to be differentiated.
+
+use fss_multibody::{Coordinates, JointVector, MAX_DOF, Model, ModelError, State};
+use nalgebra::Vector3;
+
+use crate::effect::Effect;
+use crate::file::Plant;
+use crate::physics::{BaseMotion, Physics, Stream};
+use crate::valves::Valve;
+
+/// Joint angles and rates at one time; zero beyond the last joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointSample {
+    /// Joint angles without encoder errors [rad].
+    pub q_rad: JointVector,
+    /// Joint rates [rad/s].
+    pub qd_rad_s: JointVector,
+}
+
+/// Motion of the base frame at one time, table frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BaseSample {
+    /// Time since the start of the run [s].
+    pub t_s: f64,
+    /// Pose [m, m, rad].
+    pub pose: [f64; 3],
+    /// Velocity [m/s, m/s, rad/s].
+    pub velocity: [f64; 3],
+}
+
+/// Valve commands of a run: each row holds until the next.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ValveHistory {
+    rows: Vec<(f64, Vec<bool>)>,
+}
+
+impl ValveHistory {
+    /// Rows of stamp [s] and commanded states, in order of time.
+    pub fn new(rows: Vec<(f64, Vec<bool>)>) -> Self {
+        Self { rows }
+    }
+}
+
+/// Steps of equal length that a rollout takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// Time of the first sample since the start of the run [s].
+    pub start_s: f64,
+    /// Length of a step [s].
+    pub step_s: f64,
+    /// Number of steps.
+    pub steps: usize,
+}
+
+/// The plant, ready for rollouts.
+#[derive(Debug, Clone)]
+pub struct Rollout {
+    stages: Vec<(f64, Physics, Model)>,
+}
+
+/// Base pose and momentum: linear, and angular about the table's origin.
+#[derive(Debug, Clone, Copy)]
+struct Momentum {
+    pose: Vector3<f64>,
+    momentum: Vector3<f64>,
+}
+
+impl Rollout {
+    /// The plant with its effects. Disturbance and noise play no part, gas use does not change the mass.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible.
+    pub fn new(plant: &Plant) -> Result<Self, ModelError> {
+        Self::with(plant, &plant.effects)
+    }
+
+    /// The plant's nominal values with exactly these effects.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible.
+    pub fn with(plant: &Plant, effects: &[Effect]) -> Result<Self, ModelError> {
+        let stages = Physics::stages(plant, effects)
+            .into_iter()
+            .map(|(t, physics)| physics.model(0.0).map(|model| (t, physics, model)));
+        Ok(Self { stages: stages.collect::<Result<_, _>>()? })
+    }
+
+    /// What acts at `t_s`.
+    pub fn physics(&self, t_s: f64) -> &Physics {
+        &self.stages[self.stage(t_s)].1
+    }
+
+    fn stage(&self, t_s: f64) -> usize {
+        self.stages.iter().rposition(|(onset, ..)| t_s >= *onset).unwrap_or(0)
+    }
+
+    /// Mean thrust on the base in each step of the grid, base axes, about the base frame's origin
+    /// `[N, N, N m]`: what the valves make of their commands.
+    pub fn thrust(&self, valves: &ValveHistory, grid: &Grid) -> Vec<[f64; 3]> {
+        let physics = self.physics(grid.start_s);
+        let early = physics.sensors.clock_offset_s[Stream::Valves as usize];
+        let mut states = vec![Valve::new(); physics.thrusters.len()];
+        let mut rows = valves.rows.iter().peekable();
+        let mut now = f64::NEG_INFINITY;
+        let mut out = Vec::with_capacity(grid.steps);
+        for step in 0..=grid.steps {
+            // The first pass only brings the valves to the start of the grid.
+            let to = grid.start_s + step as f64 * grid.step_s;
+            let physics = self.physics(to - 0.5 * grid.step_s);
+            while let Some((stamp, open)) = rows.next_if(|(stamp, _)| stamp - early < to) {
+                for (valve, thruster) in states.iter_mut().zip(&physics.thrusters) {
+                    let open = open.get(thruster.line).copied().unwrap_or(false);
+                    let acts_at = stamp - early + thruster.delay_s;
+                    if step == 0 && now.is_finite() {
+                        valve.advance(now, stamp - early, thruster);
+                    }
+                    valve.command(open, acts_at);
+                }
+                if step == 0 {
+                    now = stamp - early;
+                }
+            }
+            let from = if now.is_finite() { now } else { to - grid.step_s };
+            if from < to {
+                for (valve, thruster) in states.iter_mut().zip(&physics.thrusters) {
+                    valve.mean = valve.advance(from, to, thruster);
+                }
+            }
+            now = to;
+            if step > 0 {
+                out.push(mean_thrust(physics, &states, to - 0.5 * grid.step_s));
+            }
+        }
+        out
+    }
+
+    /// Motion of the base from `start` through the grid, written to `out` (its first `steps + 1` samples).
+    ///
+    /// `joints` holds a sample at every half step, `2 steps + 1` of them, or one alone for an arm that stays as it is;
+    /// missing ones repeat the last. `thrust` is what [`Rollout::thrust`] gives for the same grid, or empty.
+    pub fn run(
+        &self,
+        start: &BaseSample,
+        grid: &Grid,
+        joints: &[JointSample],
+        thrust: &[[f64; 3]],
+        out: &mut [BaseSample],
+    ) {
+        let rest = JointSample { q_rad: JointVector::zeros(), qd_rad_s: JointVector::zeros() };
+        let joint = |half: usize| joints.get(half).or(joints.last()).unwrap_or(&rest);
+        let mut stage = self.stage(grid.start_s);
+        let mut state = self.momentum_of(stage, start, joint(0));
+        for (step, sample) in out.iter_mut().take(grid.steps + 1).enumerate() {
+            let t_s = grid.start_s + step as f64 * grid.step_s;
+            let now = self.stage(t_s + 1e-9);
+            if now != stage {
+                // Velocities go on as they are, momentum is what the new masses make of it.
+                let before = self.sample(stage, t_s, &state, joint(2 * step));
+                stage = now;
+                state = self.momentum_of(stage, &before, joint(2 * step));
+            }
+            *sample = self.sample(stage, t_s, &state, joint(2 * step));
+            if step < grid.steps {
+                let push = thrust.get(step).copied().unwrap_or([0.0; 3]);
+                let samples = [joint(2 * step), joint(2 * step + 1), joint(2 * step + 2)];
+                self.runge_kutta(stage, &mut state, t_s, grid.step_s, samples, push);
+            }
+        }
+    }
+
+    fn runge_kutta(
+        &self,
+        stage: usize,
+        state: &mut Momentum,
+        t_s: f64,
+        dt_s: f64,
+        [first, middle, last]: [&JointSample; 3],
+        thrust: [f64; 3],
+    ) {
+        let half = 0.5 * dt_s;
+        let moved = |k: &Momentum, dt: f64| Momentum {
+            pose: state.pose + dt * k.pose,
+            momentum: state.momentum + dt * k.momentum,
+        };
+        let k1 = self.rates(stage, t_s, state, first, thrust);
+        let k2 = self.rates(stage, t_s + half, &moved(&k1, half), middle, thrust);
+        let k3 = self.rates(stage, t_s + half, &moved(&k2, half), middle, thrust);
+        let k4 = self.rates(stage, t_s + dt_s, &moved(&k3, dt_s), last, thrust);
+        let sixth = dt_s / 6.0;
+        state.pose += sixth * (k1.pose + 2.0 * (k2.pose + k3.pose) + k4.pose);
+        state.momentum += sixth * (k1.momentum + 2.0 * (k2.momentum + k3.momentum) + k4.momentum);
+    }
+
+    /// Velocity of the base and what changes the momentum.
+    #[inline]
+    fn rates(&self, stage: usize, t_s: f64, state: &Momentum, joint: &JointSample, thrust: [f64; 3]) -> Momentum {
+        let (_, physics, model) = &self.stages[stage];
+        let q = coordinates(&state.pose, &joint.q_rad);
+        let velocity = model.base_twist(&q, &joint.qd_rad_s, &about_base(&state.pose, &state.momentum));
+        let (sin, cos) = state.pose.z.sin_cos();
+        let mut force = Vector3::new(cos * thrust[0] - sin * thrust[1], sin * thrust[0] + cos * thrust[1], thrust[2]);
+        if !physics.base_laws.is_empty() {
+            let base = BaseMotion { t_s, pose: state.pose.into(), velocity: velocity.into() };
+            force += Vector3::from(physics.base_wrench(&base));
+        }
+        let mut push = about_origin(&state.pose, &force);
+        let [gx, gy] = physics.gravity_m_s2;
+        if gx != 0.0 || gy != 0.0 {
+            let centre = model.center_of_mass(&q);
+            push += model.total_mass_kg() * Vector3::new(gx, gy, centre.x * gy - centre.y * gx);
+        }
+        Momentum { pose: velocity, momentum: push }
+    }
+
+    fn momentum_of(&self, stage: usize, base: &BaseSample, joint: &JointSample) -> Momentum {
+        let pose = Vector3::from(base.pose);
+        let q = coordinates(&pose, &joint.q_rad);
+        let v = coordinates(&Vector3::from(base.velocity), &joint.qd_rad_s);
+        let momentum = self.stages[stage].2.momentum(&State { q, v }).about_base();
+        Momentum { pose, momentum: about_origin(&pose, &momentum) }
+    }
+
+    fn sample(&self, stage: usize, t_s: f64, state: &Momentum, joint: &JointSample) -> BaseSample {
+        let q = coordinates(&state.pose, &joint.q_rad);
+        let about_base = about_base(&state.pose, &state.momentum);
+        let velocity = self.stages[stage].2.base_twist(&q, &joint.qd_rad_s, &about_base);
+        BaseSample { t_s, pose: state.pose.into(), velocity: velocity.into() }
+    }
+}
+
+fn mean_thrust(physics: &Physics, valves: &[Valve], t_s: f64) -> [f64; 3] {
+    let trend = physics.supply.trend(t_s);
+    let open_sum: f64 = valves.iter().map(|v| v.mean).sum();
+    let mut sum = [0.0; 3];
+    for (valve, thruster) in valves.iter().zip(&physics.thrusters) {
+        let force = trend * thruster.force_n(valve.mean, open_sum, &physics.supply);
+        for (s, u) in sum.iter_mut().zip(thruster.unit_wrench()) {
+            *s += force * u;
+        }
+    }
+    sum
+}
+
+fn coordinates(base: &Vector3<f64>, joints: &JointVector) -> Coordinates {
+    let mut q = Coordinates::zeros();
+    q.fixed_rows_mut::<3>(0).copy_from(base);
+    q.fixed_rows_mut::<{ MAX_DOF - 3 }>(3).copy_from(joints);
+    q
+}
+
+fn about_origin(pose: &Vector3<f64>, base: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(base.x, base.y, base.z + pose.x * base.y - pose.y * base.x)
+}
+
+fn about_base(pose: &Vector3<f64>, origin: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(origin.x, origin.y, origin.z - pose.x * origin.y + pose.y * origin.x)
+}
