@@ -13,8 +13,10 @@ pub type Wrench = [f64; 3];
 const LEVER_M: f64 = 0.1;
 /// Price of gas, as a share of one thruster's squared thrust for one fully open thruster.
 const GAS_PRICE: f64 = 1e-3;
-/// Sweeps over all thrusters; the remaining error falls with each.
-const SWEEPS: usize = 40;
+/// How many times that price the first sweeps pay: it drives thrusters apart that began against each other.
+const FIRST_PRICE: f64 = 50.0;
+/// Sweeps over all thrusters, first at the high price, then at the true one.
+const SWEEPS: [(usize, f64); 2] = [(20, FIRST_PRICE), (30, 1.0)];
 
 /// The thrusters of a vehicle.
 #[derive(Clone, Debug)]
@@ -57,19 +59,26 @@ impl Allocator {
         for i in 0..self.count {
             add(&mut missing, self.columns[i], -self.duty[i]);
         }
-        for _ in 0..SWEEPS {
-            for i in 0..self.count {
-                if self.squares[i] > 0.0 {
-                    let step = (dot(self.columns[i], missing) - price) / self.squares[i];
-                    let share = (self.duty[i] + step).clamp(0.0, 1.0);
-                    add(&mut missing, self.columns[i], self.duty[i] - share);
-                    self.duty[i] = share;
-                }
+        for (sweeps, factor) in SWEEPS {
+            for _ in 0..sweeps {
+                self.sweep(&mut missing, factor * price);
             }
         }
         let length = dot(wanted, wanted).sqrt();
         let missing = if length > 0.0 { dot(missing, missing).sqrt() / length } else { 0.0 };
         Allocation { duty: self.duty, missing }
+    }
+
+    /// Sets each share to its best with the others as they are.
+    fn sweep(&mut self, missing: &mut Wrench, price: f64) {
+        for i in 0..self.count {
+            if self.squares[i] > 0.0 {
+                let step = (dot(self.columns[i], *missing) - price) / self.squares[i];
+                let share = (self.duty[i] + step).clamp(0.0, 1.0);
+                add(missing, self.columns[i], self.duty[i] - share);
+                self.duty[i] = share;
+            }
+        }
     }
 }
 

@@ -20,6 +20,8 @@ use modulation::Modulator;
 const MAX_NAV_AGE_NS: u64 = 50_000_000;
 /// Oldest goal, ns.
 const MAX_MISSION_AGE_NS: u64 = 500_000_000;
+/// Integral gain over the cube of the bandwidth: slow beside the loop itself.
+const INTEGRAL_SHARE: f64 = 0.1;
 /// Share of a wanted wrench that may be missing before the controller calls itself saturated.
 const SATURATED: f64 = 0.05;
 
@@ -76,7 +78,7 @@ impl BaseConfig {
             period_s: 1.0 / rate_hz,
             bandwidth_rad_s: 0.45,
             damping_ratio: 1.0,
-            dead_band: [1.5e-3, 1.5e-3, 2.5e-3],
+            dead_band: [5e-4, 5e-4, 1e-3],
         }
     }
 }
@@ -116,7 +118,7 @@ impl Base {
     }
 
     /// The mode that the inputs allow, with the state and the goal to fly.
-    fn mode<'a>(now: Time, inputs: &'a Inputs) -> (u8, Option<(&'a NavState, &'a MissionState)>) {
+    fn mode(now: Time, inputs: &Inputs) -> (u8, Option<(&NavState, &MissionState)>) {
         let Some(mission) = inputs.mission.within(now, MAX_MISSION_AGE_NS) else { return (BaseCommand::STALE, None) };
         if mission.base_mode == MissionState::BASE_FREE {
             return (BaseCommand::OFF, None);
@@ -132,9 +134,8 @@ impl Base {
     /// The leg that the mission wants; a new one begins where the base is.
     fn leg(&mut self, now: Time, nav: &NavState, mission: &MissionState) -> Leg {
         let here = [nav.x_m, nav.y_m, nav.theta_rad];
-        let to = std::array::from_fn(|i| {
-            mission.base_goal[i] + if mission.base_goal_relative == 0 { 0.0 } else { here[i] }
-        });
+        let to =
+            std::array::from_fn(|i| mission.base_goal[i] + if mission.base_goal_relative == 0 { 0.0 } else { here[i] });
         let start = Time::from_ns(mission.phase_start_ns);
         match self.leg {
             Some(leg) if leg.start == start && (leg.to == to || mission.base_goal_relative != 0) => leg,
@@ -143,7 +144,6 @@ impl Base {
                 let gone_s = now.seconds_since(start);
                 let duration_s = (mission.base_duration_s - gone_s).max(0.0);
                 let leg = Leg { start, from: here, to, duration_s };
-                self.integral = [0.0; 3];
                 *self.leg.insert(leg)
             }
         }
@@ -164,9 +164,9 @@ impl Base {
             if self.sample.saturated == 0 {
                 self.integral[i] += error * c.period_s;
             }
-            let feedback =
-                -w * w * error - 2.0 * z * w * (rate[i] - r.velocity) - 0.05 * w * w * w * self.integral[i];
-            acceleration[i] = r.acceleration + beyond(feedback, c.dead_band[i]);
+            let spring_and_damper = -w * w * error - 2.0 * z * w * (rate[i] - r.velocity);
+            let against_a_steady_force = -INTEGRAL_SHARE * w * w * w * self.integral[i];
+            acceleration[i] = r.acceleration + beyond(spring_and_damper, c.dead_band[i]) + against_a_steady_force;
             self.sample.reference[i] = r.position;
             self.sample.error[i] = error;
         }
@@ -179,8 +179,7 @@ impl Base {
             }
         }
         let inertia = c.model.mass_matrix(&q.q);
-        let force: [f64; 3] =
-            std::array::from_fn(|i| (0..3).map(|j| inertia[(i, j)] * acceleration[j]).sum::<f64>());
+        let force: [f64; 3] = std::array::from_fn(|i| (0..3).map(|j| inertia[(i, j)] * acceleration[j]).sum::<f64>());
         let (sin, cos) = nav.theta_rad.sin_cos();
         [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
     }

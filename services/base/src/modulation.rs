@@ -34,7 +34,8 @@ impl Modulator {
             let owed = if duty[i] > 0.0 { self.owed_steps[i] + duty[i] } else { self.owed_steps[i].min(0.0) };
             self.owed_steps[i] = owed.clamp(-shortest, 2.0 * shortest);
             let unfinished = self.open_steps[i] > 0 && self.open_steps[i] < self.min_steps;
-            let wanted = if self.open_steps[i] > 0 { self.owed_steps[i] >= 0.5 } else { self.owed_steps[i] >= shortest };
+            let wanted =
+                if self.open_steps[i] > 0 { self.owed_steps[i] >= 0.5 } else { self.owed_steps[i] >= shortest };
             if unfinished || wanted {
                 valves[i] = 1;
                 self.owed_steps[i] -= 1.0;
