@@ -71,11 +71,16 @@ impl Charge {
         self.battery.as_ref().is_none_or(|b| self.used_j < b.capacity_wh * 3600.0)
     }
 
+    /// Charge, 0 to 1, if there is a battery.
+    pub(crate) fn charge(&self) -> Option<f64> {
+        let battery = self.battery.as_ref()?;
+        Some(1.0 - self.used_j / (battery.capacity_wh * 3600.0))
+    }
+
     /// Terminal voltage [V], if there is a battery: linear in charge, less the drop inside.
     pub(crate) fn voltage_v(&self) -> Option<f64> {
         let battery = self.battery.as_ref()?;
-        let charge = 1.0 - self.used_j / (battery.capacity_wh * 3600.0);
-        let open = battery.nominal_v * (0.85 + 0.3 * charge);
+        let open = battery.nominal_v * (0.85 + 0.3 * self.charge()?);
         Some(open - self.load_w / open * battery.resistance_ohm)
     }
 }

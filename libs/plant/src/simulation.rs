@@ -38,6 +38,7 @@ pub struct Simulation {
     link_charge: Vec<Charge>,
     drivers: [Driver; MAX_LINKS],
     commands: [JointCommand; MAX_LINKS],
+    torque_limit_n_m: [f64; MAX_LINKS],
     current_a: [f64; MAX_LINKS],
     room: Option<Room>,
     last_load: Load,
@@ -106,6 +107,7 @@ impl Simulation {
             link_charge: plant.links.iter().map(|l| Charge::new(l.battery.clone())).collect(),
             drivers: [Driver::default(); MAX_LINKS],
             commands: [JointCommand::Free; MAX_LINKS],
+            torque_limit_n_m: [f64::INFINITY; MAX_LINKS],
             current_a: [0.0; MAX_LINKS],
             room: Room::new(plant, seed),
             last_load: Load::zero(),
@@ -162,6 +164,14 @@ impl Simulation {
     pub fn set_joint(&mut self, joint: usize, command: JointCommand) {
         if let Some(own) = self.commands.get_mut(joint) {
             *own = command;
+        }
+    }
+
+    /// Tells the driver of joint `joint` (from 0) to use no more than this torque [N m]; the motor's own limit holds
+    /// beside it.
+    pub fn set_torque_limit(&mut self, joint: usize, max_torque_n_m: f64) {
+        if let Some(own) = self.torque_limit_n_m.get_mut(joint) {
+            *own = max_torque_n_m.max(0.0);
         }
     }
 
@@ -258,7 +268,7 @@ impl Simulation {
                 encoder_rad: joint.encoder_scale * angle + joint.encoder_offset_rad,
                 encoder_rate_rad_s: joint.encoder_scale * rate,
                 torque_constant_n_m_a: joint.torque_constant_n_m_a,
-                max_torque_n_m: joint.max_torque_n_m,
+                max_torque_n_m: joint.max_torque_n_m.min(self.torque_limit_n_m[i]),
             };
             let command = if self.link_charge[i].is_alive() { self.commands[i] } else { JointCommand::Free };
             let current = self.drivers[i].current_a(command, &seen, &physics.servos[i], dt_s);
@@ -340,6 +350,15 @@ impl Simulation {
         self.valves.iter().map(Valve::opening)
     }
 
+    /// Thrust of each thruster now [N].
+    pub fn thrusts_n(&self) -> impl Iterator<Item = f64> + '_ {
+        let physics = self.physics();
+        let share = self.air.thrust_share() * physics.supply.trend(self.t_s);
+        let open_sum: f64 = self.openings().sum();
+        let thrusters = self.valves.iter().zip(&physics.thrusters);
+        thrusters.map(move |(valve, thruster)| share * thruster.force_n(valve.opening(), open_sum, &physics.supply))
+    }
+
     /// Gas used since the start [kg].
     pub fn gas_used_kg(&self) -> f64 {
         self.air.used_kg()
@@ -358,6 +377,11 @@ impl Simulation {
     /// Voltage of a link's battery [V], if it has one.
     pub fn link_battery_v(&self, link: usize) -> Option<f64> {
         self.link_charge.get(link).and_then(Charge::voltage_v)
+    }
+
+    /// Charge of a link's battery, 0 to 1, if it has one.
+    pub fn link_battery_charge(&self, link: usize) -> Option<f64> {
+        self.link_charge.get(link).and_then(Charge::charge)
     }
 
     /// Linear momentum of base and arm, and angular momentum about the table's origin
