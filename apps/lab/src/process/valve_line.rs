@@ -1,0 +1,78 @@
+//! The valve line: a Unix socket in place of a GPIO request.
+
+use crate::LabError;
+use fss_wire::valves::Decoder;
+use std::fs::{self, Permissions};
+use std::io::{self, ErrorKind, Read};
+use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+
+/// All valves shut: the state of lines that nobody drives.
+const SHUT: u16 = 0;
+
+/// The laboratory's end of the valve line. One driver at a time has the lines, as with GPIO.
+#[derive(Debug)]
+pub(super) struct ValveLine {
+    listener: UnixListener,
+    path: PathBuf,
+    driver: Option<(UnixStream, Decoder)>,
+}
+
+impl ValveLine {
+    /// Listens at `path`; a socket left by a dead laboratory is replaced, that of a living one is an error.
+    pub(super) fn open(path: &Path) -> Result<Self, LabError> {
+        let error = |what| move |source| LabError::Path { what, path: path.to_path_buf(), source };
+        if fs::symlink_metadata(path).is_ok_and(|meta| meta.file_type().is_socket()) {
+            if UnixStream::connect(path).is_ok() {
+                return Err(error("opening the valve line")(io::Error::from(ErrorKind::AddrInUse)));
+            }
+            fs::remove_file(path).map_err(error("replacing an old valve line"))?;
+        }
+        let listener = UnixListener::bind(path).map_err(error("opening the valve line"))?;
+        let line = Self { listener, path: path.to_path_buf(), driver: None };
+        line.listener.set_nonblocking(true).map_err(error("opening the valve line"))?;
+        fs::set_permissions(path, Permissions::from_mode(0o600)).map_err(error("protecting the valve line"))?;
+        Ok(line)
+    }
+
+    /// The mask of the last frame since the last call; shut where the driver has gone; `None` without news.
+    pub(super) fn poll(&mut self) -> Option<u16> {
+        let mut news = self.read();
+        while let Ok((stream, _)) = self.listener.accept() {
+            // Who comes while the lines are taken is sent away.
+            if self.driver.is_none() && stream.set_nonblocking(true).is_ok() {
+                self.driver = Some((stream, Decoder::new()));
+                news = self.read().or(news);
+            }
+        }
+        news
+    }
+
+    fn read(&mut self) -> Option<u16> {
+        let (stream, decoder) = self.driver.as_mut()?;
+        let mut news = None;
+        let mut buffer = [0; 512];
+        loop {
+            match stream.read(&mut buffer) {
+                Ok(len) if len > 0 => {
+                    for frame in buffer.iter().take(len).filter_map(|byte| decoder.push(*byte)) {
+                        news = Some(frame.mask);
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return news,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Ok(_) | Err(_) => {
+                    self.driver = None;
+                    return Some(SHUT);
+                }
+            }
+        }
+    }
+}
+
+impl Drop for ValveLine {
+    fn drop(&mut self) {
+        let _ignored = fs::remove_file(&self.path);
+    }
+}
