@@ -7,12 +7,14 @@
 //! Runge-Kutta steps keep momentum only to their order, so the base's velocity takes up the rest: after each step the
 //! momentum is what it was and the impulse of the forces from outside, to rounding.
 
-use fss_multibody::{Coordinates, JointVector};
+use fss_multibody::{Coordinates, JointVector, State};
 use nalgebra::Vector3;
 
 use crate::check::MAX_LINKS;
 use crate::dynamics::{Dynamics, Load, Motion, Rates, Sliding};
-use crate::held::{self, Mask};
+
+/// A set of joints, one bit each.
+type Mask = u32;
 
 /// Changes between sticking and sliding that one step may have.
 const MAX_EVENTS: usize = 16;
@@ -69,7 +71,7 @@ impl Dynamics {
 
     /// Changes the base's velocity so that the momentum is `wanted`.
     fn restore(&self, motion: &mut Motion, wanted: &Vector3<f64>) {
-        if self.fixed != 0 {
+        if self.physics.base.clamped {
             return;
         }
         let (x, y) = (motion.state.q[0], motion.state.q[1]);
@@ -208,11 +210,15 @@ impl Dynamics {
             motion.rotor_rad_s[i] = 0.0;
             return;
         }
-        let held = self.held(sliding) | (1 << (3 + i));
-        let mut change = Coordinates::zeros();
-        change[3 + i] = -motion.state.v[3 + i];
-        let mass = self.model.mass_matrix(&motion.state.q);
-        held::solve(&mass, self.model.dof(), &Coordinates::zeros(), held, &mut change);
+        // Velocity changes under impulses solve the same equations as accelerations under forces, at rest and without
+        // gravity; the difference of two solutions is free of it.
+        let model = &self.model;
+        let at_rest = State::at_rest(motion.state.q);
+        let mut changes = self.resting(sliding).unwrap_or_default();
+        changes[i] = Some(0.0);
+        let without = model.hybrid_dynamics(&at_rest, &Coordinates::zeros(), &changes).acc;
+        changes[i] = Some(-motion.state.v[3 + i]);
+        let change = model.hybrid_dynamics(&at_rest, &Coordinates::zeros(), &changes).acc - without;
         motion.state.v += change;
         motion.state.v[3 + i] = 0.0;
     }

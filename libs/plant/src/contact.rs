@@ -2,7 +2,6 @@
 
 use fss_multibody::{Coordinates, MAX_DOF};
 
-use crate::held;
 use crate::parts;
 use crate::physics::Grasped;
 use crate::simulation::Simulation;
@@ -89,7 +88,7 @@ impl Simulation {
         let d = [pose[0] - tip[0], pose[1] - tip[1]];
         let at = [length + cos * d[0] + sin * d[1], cos * d[1] - sin * d[0]];
         let q = self.motion.state.q;
-        let model = self.dynamics().model;
+        let model = *self.model();
         // M+ v+ = M v + J' M_t v_t, where M+ has the target on board.
         let jacobian = model.point_jacobian(&q, links, at);
         let mut momentum: Coordinates = model.mass_matrix(&q) * self.motion.state.v;
@@ -99,10 +98,7 @@ impl Simulation {
         }
         let grasped = Grasped { mass_kg: body.mass_kg, inertia_kg_m2: body.inertia_kg_m2, at_m: at };
         self.carry(grasped);
-        let (model, fixed) = (self.dynamics().model, self.dynamics().fixed);
-        let mut after = Coordinates::zeros();
-        held::solve(&model.mass_matrix(&q), model.dof(), &momentum, fixed, &mut after);
-        self.motion.state.v = after;
+        self.motion.state.v = self.model().mass_matrix_inverse(&q) * momentum;
         if let Some(target) = &mut self.target {
             target.held = Some([at[0], at[1], pose[2] - tip[2]]);
         }
@@ -140,7 +136,7 @@ impl Simulation {
 
     fn carry_along(&self, target: &mut Target, held: [f64; 3]) {
         let links = self.joint_count();
-        let model = &self.dynamics().model;
+        let model = self.model();
         let state = &self.motion.state;
         let tip = model.end_effector(&state.q);
         let length = self.physics().links[links - 1].length_m;
@@ -157,7 +153,7 @@ impl Simulation {
         if links == 0 {
             return;
         }
-        let model = self.dynamics().model;
+        let model = *self.model();
         let state = self.motion.state;
         let tip = model.end_effector(&state.q);
         let d = [target.pose[0] - tip.x, target.pose[1] - tip.y];
@@ -175,8 +171,7 @@ impl Simulation {
         if approach <= 0.0 {
             return;
         }
-        let mut per_impulse = Coordinates::zeros();
-        held::solve(&model.mass_matrix(&state.q), model.dof(), &along, self.dynamics().fixed, &mut per_impulse);
+        let per_impulse = model.mass_matrix_inverse(&state.q) * along;
         let give = along.dot(&per_impulse) + 1.0 / target.body.mass_kg;
         let impulse = (1.0 + target.body.restitution) * approach / give;
         self.motion.state.v -= impulse * per_impulse;

@@ -1,9 +1,8 @@
 //! The equations of motion of base, arm and drives.
 
-use fss_multibody::{Coordinates, Model, ModelError, State};
+use fss_multibody::{Coordinates, Model, ModelError, Prescribed, State};
 
 use crate::check::MAX_LINKS;
-use crate::held::{self, Mask};
 use crate::physics::{BaseMotion, JointPhysics, Physics};
 
 /// What moves: base, joints, and the rotors of elastic drives.
@@ -35,8 +34,6 @@ pub(crate) struct Dynamics {
     pub(crate) model: Model,
     /// Number of joints.
     pub(crate) joints: usize,
-    /// Coordinates that never move: those of a clamped base.
-    pub(crate) fixed: Mask,
 }
 
 /// Accelerations of a [`Motion`].
@@ -51,12 +48,7 @@ pub(crate) type Sliding = [f64; MAX_LINKS];
 
 impl Dynamics {
     pub(crate) fn new(physics: Physics) -> Result<Self, ModelError> {
-        Ok(Self {
-            model: physics.model(0.0)?,
-            joints: physics.joints.len(),
-            fixed: if physics.base.clamped { held::BASE } else { 0 },
-            physics,
-        })
+        Ok(Self { model: physics.model(0.0)?, joints: physics.joints.len(), physics })
     }
 
     /// Makes the base lighter by the gas that has left it.
@@ -89,19 +81,24 @@ impl Dynamics {
                     - joint.friction.sliding_n_m(sliding[i], motion.state.v[3 + i]);
             }
         }
-        let joints = held::accelerations(&self.model, &motion.state, &force, self.held(sliding));
+        let joints = match self.resting(sliding) {
+            Some(resting) => self.model.hybrid_dynamics(&motion.state, &force, &resting).acc,
+            None => self.model.forward_dynamics(&motion.state, &force),
+        };
         (Rates { joints, rotors }, outside)
     }
 
-    /// Coordinates that do not accelerate: fixed ones and rigid joints at rest.
-    pub(crate) fn held(&self, sliding: &Sliding) -> Mask {
-        let mut held = self.fixed;
+    /// Rigid joints at rest, which do not accelerate; `None` where there are none.
+    pub(crate) fn resting(&self, sliding: &Sliding) -> Option<Prescribed> {
+        let mut resting = Prescribed::default();
+        let mut any = false;
         for (i, joint) in self.physics.joints.iter().enumerate() {
             if joint.friction.is_dry() && sliding[i] == 0.0 && !joint.is_elastic() {
-                held |= 1 << (3 + i);
+                resting[i] = Some(0.0);
+                any = true;
             }
         }
-        held
+        any.then_some(resting)
     }
 
     /// Thrust, air, effects, stops.
@@ -168,8 +165,7 @@ impl Dynamics {
     pub(crate) fn drive_torques(&self, motion: &Motion, t_s: f64, load: &Load) -> [f64; MAX_LINKS] {
         let mut torque = [0.0; MAX_LINKS];
         let sliding = self.sliding(motion, t_s, load, 0);
-        let resting = self.held(&sliding) != self.fixed;
-        let needed = resting.then(|| self.needed_torques(motion, t_s, load, &sliding));
+        let needed = self.resting(&sliding).map(|_| self.needed_torques(motion, t_s, load, &sliding));
         for (i, joint) in self.physics.joints.iter().enumerate() {
             let q = motion.state.q[3 + i];
             torque[i] = if joint.is_elastic() {

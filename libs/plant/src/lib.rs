@@ -18,7 +18,6 @@ pub mod effects;
 mod error;
 mod file;
 mod friction;
-mod held;
 mod instruments;
 mod parts;
 mod physics;

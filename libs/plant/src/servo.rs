@@ -29,7 +29,7 @@ pub enum JointCommand {
 
 /// Below this rate error the integral rests, so that it does not wind up against sticking
 /// friction and hunt [rad/s].
-const RATE_DEADBAND_RAD_S: f64 = 1e-3;
+const RATE_DEADBAND_RAD_S: f64 = 2e-4;
 
 /// A driver's memory: torque of the integral part [N m].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
