@@ -101,8 +101,8 @@ impl FusionConfig {
                 mocap_position_m: s.mocap_position_m.max(1e-5),
                 mocap_angle_rad: s.mocap_angle_rad.max(1e-5),
                 gyro_rad_s: s.gyro_rad_s.max(1e-5),
-                acceleration_m_s2_rt_hz: 0.02,
-                angular_acceleration_rad_s2_rt_hz: 0.1,
+                acceleration_m_s2_rt_hz: 0.004,
+                angular_acceleration_rad_s2_rt_hz: 0.03,
                 bias_walk_rad_s_rt_s: s.gyro_bias_walk_rad_s_sqrt_s.max(1e-6),
             },
         }
