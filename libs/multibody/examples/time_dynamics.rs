@@ -6,13 +6,17 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use fss_multibody::{Base, Coordinates, Link, Model, ModelError, State, integrate};
+use fss_multibody::{
+    Base, Cause, Coordinates, Link, Model, ModelError, Sensitivity, State, integrate, step_with_derivatives,
+};
 
 const BATCHES: usize = 31;
-const BATCH: u32 = 20_000;
+const BATCH: u32 = 4_000;
 
 fn main() -> Result<(), ModelError> {
-    println!("links  forward_dynamics_ns  forward_latency_ns  rk4_step_ns  inverse_dynamics_ns  mass_matrix_ns");
+    println!(
+        "links  forward  latency     rk4  inverse  inertia  derivatives  step+transition  step+all   (medians, ns)"
+    );
     for links in 0..=8 {
         let model = arm(links)?;
         let state = moving(&model);
@@ -35,8 +39,23 @@ fn main() -> Result<(), ModelError> {
         let inertia = median_ns(|| {
             black_box(model.mass_matrix(black_box(&state.q)));
         });
-        black_box((chained, flying));
-        println!("{links:5}  {forward:19.1}  {latency:18.1}  {step:11.1}  {inverse:19.1}  {inertia:14.1}");
+        let derivatives = median_ns(|| {
+            black_box(model.forward_dynamics_derivatives(black_box(&state), black_box(&tau)));
+        });
+        // The state-transition matrix and the derivatives by the forces; then those by every parameter as well.
+        let n = model.dof();
+        let mut tangents: Vec<Sensitivity> = (0..n).map(Sensitivity::to_coordinate).collect();
+        tangents.extend((0..n).map(Sensitivity::to_velocity));
+        tangents.extend((0..n).map(|i| Sensitivity::to(Cause::Force(i))));
+        let law = |_: f64, _: &State| tau;
+        let transition = median_ns(|| flying = step_with_derivatives(&model, &flying, 1e-7, &law, &mut tangents));
+        tangents.extend(model.parameters().map(|p| Sensitivity::to(Cause::Parameter(p))));
+        let everything = median_ns(|| flying = step_with_derivatives(&model, &flying, 1e-7, &law, &mut tangents));
+        black_box((chained, flying, tangents));
+        println!(
+            "{links:5}  {forward:7.1}  {latency:7.1}  {step:6.1}  {inverse:7.1}  {inertia:7.1}  {derivatives:11.1}  \
+             {transition:15.1}  {everything:8.1}"
+        );
     }
     Ok(())
 }

@@ -1,10 +1,10 @@
 //! Generalized inertia, bias forces, inverse and forward dynamics, energies.
 
-use nalgebra::{SMatrix, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
-use crate::chain::{Chain, by_bodies, perp};
-use crate::kernel::{forward, hybrid, inverse, inverse_inertia};
-use crate::{Coordinates, JointVector, MAX_BODIES, MAX_LINKS, MassMatrix, Model, State};
+use crate::chain::by_bodies;
+use crate::kernel::{forward, hybrid, inertia, inverse, inverse_inertia};
+use crate::{Coordinates, JointVector, MAX_LINKS, MassMatrix, Model, State};
 
 /// Accelerations, rad/s^2, of the joints that have no choice ([`Model::hybrid_dynamics`]).
 pub type Prescribed = [Option<f64>; MAX_LINKS];
@@ -12,45 +12,7 @@ pub type Prescribed = [Option<f64>; MAX_LINKS];
 impl Model {
     /// Generalized inertia `H(q)`, symmetric positive definite in its leading dof x dof block: `T = v' H v / 2`.
     pub fn mass_matrix(&self, q: &Coordinates) -> MassMatrix {
-        let chain = Chain::<MAX_BODIES>::at(self, q);
-        let lumps = &self.lumps;
-        let bodies = self.link_count() + 1;
-        // In absolute angles first; then sums over all that a coordinate carries.
-        let mut inertia = SMatrix::<f64, MAX_BODIES, MAX_BODIES>::zeros();
-        for j in 0..bodies {
-            inertia[(j, j)] = lumps.j[j];
-            for i in 0..j {
-                inertia[(i, j)] = chain.d[i].dot(&chain.s[j]);
-                inertia[(j, i)] = inertia[(i, j)];
-            }
-        }
-        for i in (0..bodies - 1).rev() {
-            for j in 0..bodies {
-                inertia[(i, j)] += inertia[(i + 1, j)];
-            }
-        }
-        for j in (0..bodies - 1).rev() {
-            for i in 0..bodies {
-                inertia[(i, j)] += inertia[(i, j + 1)];
-            }
-        }
-        let mut matrix = MassMatrix::zeros();
-        matrix[(0, 0)] = lumps.total_mass;
-        matrix[(1, 1)] = lumps.total_mass;
-        let mut moment = Vector2::zeros();
-        for i in (0..bodies).rev() {
-            moment += chain.s[i];
-            let lever = perp(&moment);
-            for axis in 0..2 {
-                matrix[(axis, 2 + i)] = lever[axis];
-                matrix[(2 + i, axis)] = lever[axis];
-            }
-            for j in 0..bodies {
-                matrix[(2 + i, 2 + j)] = inertia[(i, j)];
-            }
-            matrix[(2 + i, 2 + i)] += lumps.rotor[i];
-        }
-        matrix
+        by_bodies!(self, inertia(self, q))
     }
 
     /// Bias forces `h(q, v)`: centrifugal, Coriolis and gravity, in `H acc + h = tau`.
@@ -107,11 +69,6 @@ impl Model {
     /// are zero. Zero outside the leading dof x dof block.
     pub fn mass_matrix_inverse(&self, q: &Coordinates) -> MassMatrix {
         by_bodies!(self, inverse_inertia(self, q))
-    }
-
-    /// Kinetic energy, J.
-    pub fn kinetic_energy(&self, state: &State) -> f64 {
-        0.5 * state.v.dot(&(self.mass_matrix(&state.q) * state.v))
     }
 
     /// Potential energy in the model's gravity, J; zero with the centre of mass at the table's origin.

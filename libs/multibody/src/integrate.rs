@@ -1,7 +1,10 @@
 //! Fixed-step integration. `forces` is asked for the generalized forces at a time within the step (s, from its start)
 //! and a state; a clamped base ignores the first three. Nothing allocates.
 
-use crate::{Coordinates, Model, State};
+use nalgebra::{Vector2, Vector3};
+
+use crate::chain::cross;
+use crate::{Coordinates, JointVector, Model, State};
 
 /// One step of the semi-implicit (symplectic) Euler method, order 1: velocity first, then position with the new
 /// velocity. Energy of free motion stays bounded.
@@ -35,4 +38,61 @@ pub fn step_rk4(
         q: state.q + step_s / 6.0 * (state.v + 2.0 * (second.v + third.v) + fourth.v),
         v: state.v + step_s / 6.0 * (a1 + 2.0 * (a2 + a3) + a4),
     }
+}
+
+/// As [`step_rk4`], order 4, and besides the centre of mass and the momentum change by exactly what forces and gravity
+/// do to them (Newton's laws, integrated by the same method): a free base and arm keep their momentum to rounding,
+/// whatever the step. What Runge-Kutta loses goes to the base. A clamped base takes plain [`step_rk4`] steps.
+pub fn step_rk4_momentum(
+    model: &Model,
+    state: &State,
+    step_s: f64,
+    mut forces: impl FnMut(f64, &State) -> Coordinates,
+) -> State {
+    if model.base().clamped {
+        return step_rk4(model, state, step_s, forces);
+    }
+    // Stage by stage: weights of the impulse and, for the way it sets the whole off, of the double integral.
+    let mut weights = [(1.0, 1.0), (2.0, 1.0), (2.0, 1.0), (1.0, 0.0)].into_iter();
+    let (mut impulse, mut shift) = (Vector3::zeros(), Vector2::zeros());
+    let mut end = step_rk4(model, state, step_s, |time_s, at| {
+        let tau = forces(time_s, at);
+        let outside = external(model, at, &tau);
+        if let Some((once, twice)) = weights.next() {
+            impulse += once * step_s / 6.0 * outside;
+            shift += twice * step_s * step_s / 6.0 * outside.xy();
+        }
+        tau
+    });
+    let before = about_table(state, &model.momentum(state).about_base());
+    let way = (step_s * before.xy() + shift) / model.total_mass_kg();
+    let miss = model.center_of_mass(&state.q) + way - model.center_of_mass(&end.q);
+    end.q[0] += miss.x;
+    end.q[1] += miss.y;
+
+    let missing = before + impulse - about_table(&end, &model.momentum(&end).about_base());
+    let at = Vector2::new(end.q[0], end.q[1]);
+    let about_base = Vector3::new(missing.x, missing.y, missing.z - cross(&at, &missing.xy()));
+    let change = model.base_twist(&end.q, &JointVector::zeros(), &about_base);
+    for i in 0..3 {
+        end.v[i] += change[i];
+    }
+    end
+}
+
+/// Force and moment from outside, about the table's origin.
+fn external(model: &Model, state: &State, tau: &Coordinates) -> Vector3<f64> {
+    let mut sum = about_table(state, &Vector3::new(tau[0], tau[1], tau[2]));
+    let gravity = Vector2::from(model.gravity_m_s2());
+    if gravity != Vector2::zeros() {
+        let weight = model.total_mass_kg() * gravity;
+        sum += Vector3::new(weight.x, weight.y, cross(&model.center_of_mass(&state.q), &weight));
+    }
+    sum
+}
+
+/// A force or momentum `[x, y, moment]` about the base origin, about the table's instead.
+fn about_table(state: &State, about_base: &Vector3<f64>) -> Vector3<f64> {
+    let lever = cross(&Vector2::new(state.q[0], state.q[1]), &about_base.xy());
+    Vector3::new(about_base.x, about_base.y, about_base.z + lever)
 }

@@ -46,6 +46,43 @@ pub(crate) fn inverse<const B: usize>(model: &Model, state: &State, acc: &Coordi
     tau
 }
 
+/// Generalized inertia: in absolute angles first, then summed over all bodies that a coordinate carries.
+#[inline(always)]
+pub(crate) fn inertia<const B: usize>(model: &Model, q: &Coordinates) -> MassMatrix {
+    let chain = Chain::<B>::at(model, q);
+    let lumps = &model.lumps;
+    let mut lower = [[0.0; B]; B];
+    for j in 0..B {
+        lower[j][j] = lumps.j[j];
+        for i in 0..j {
+            lower[j][i] = chain.d[i].dot(&chain.s[j]);
+        }
+    }
+    let mut matrix = MassMatrix::zeros();
+    let mut moment = Vector2::zeros();
+    for i in (0..B).rev() {
+        moment += chain.s[i];
+        let lever = perp(&moment);
+        for axis in 0..2 {
+            matrix[(axis, 2 + i)] = lever[axis];
+            matrix[(2 + i, axis)] = lever[axis];
+        }
+        // Row i of the sums from row i + 1: what is new is body i's own row.
+        let mut row = 0.0;
+        for j in (0..B).rev() {
+            row += lower[i.max(j)][i.min(j)];
+            let below = if i + 1 < B { matrix[(3 + i, 2 + j)] } else { 0.0 };
+            matrix[(2 + i, 2 + j)] = row + below;
+        }
+    }
+    for i in 1..B {
+        matrix[(2 + i, 2 + i)] += lumps.rotor[i];
+    }
+    matrix[(0, 0)] = lumps.total_mass;
+    matrix[(1, 1)] = lumps.total_mass;
+    matrix
+}
+
 #[inline(always)]
 pub(crate) fn forward<const B: usize>(model: &Model, state: &State, tau: &Coordinates) -> Coordinates {
     let mut system = System::<B>::assemble(model, state, tau);

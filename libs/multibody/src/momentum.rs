@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use crate::chain::{Chain, absolute, by_bodies, cross, perp};
 use crate::{Coordinates, JointJacobian, JointVector, MAX_LINKS, Model, State};
 
 /// Momentum of base and arm together, in table axes.
@@ -25,15 +26,23 @@ impl Momentum {
 impl Model {
     /// Linear and angular momentum (reflected rotor inertia carries none: see [`crate::Link::rotor_inertia_kg_m2`]).
     pub fn momentum(&self, state: &State) -> Momentum {
-        let inertia = self.mass_matrix(&state.q);
-        let about_base = inertia.fixed_rows::<3>(0) * state.v;
-        let linear = Vector2::new(about_base.x, about_base.y);
-        let lever = self.center_of_mass(&state.q) - Vector2::new(state.q[0], state.q[1]);
+        let (generalized, lever) = by_bodies!(self, momenta(self, state));
+        let linear = Vector2::new(generalized[0], generalized[1]);
         Momentum {
             linear,
-            angular_about_base: about_base.z,
-            angular_about_com: about_base.z - (lever.x * linear.y - lever.y * linear.x),
+            angular_about_base: generalized[2],
+            angular_about_com: generalized[2] - cross(&lever, &linear),
         }
+    }
+
+    /// Generalized momentum `H v`: first the momentum about the base origin, then one entry a joint.
+    pub fn generalized_momentum(&self, state: &State) -> Coordinates {
+        by_bodies!(self, momenta(self, state)).0
+    }
+
+    /// Kinetic energy, J.
+    pub fn kinetic_energy(&self, state: &State) -> f64 {
+        0.5 * state.v.dot(&self.generalized_momentum(state))
     }
 
     /// Twist of a floating base, `[vx, vy, omega]` of its origin in table axes, per joint rate at zero momentum, 3 x n:
@@ -83,4 +92,37 @@ impl Model {
         // A floating base has mass and inertia (checked in `Model::new`), so H_b is positive definite.
         (base.try_inverse().unwrap_or_else(Matrix3::zeros), coupling)
     }
+}
+
+/// `H v`, by the two sweeps of inverse dynamics with velocities in the accelerations' place, and the centre of mass as
+/// seen from the base origin.
+#[inline(always)]
+fn momenta<const B: usize>(model: &Model, state: &State) -> (Coordinates, Vector2<f64>) {
+    let chain = Chain::<B>::at(model, &state.q);
+    let rate = absolute::<B>(&state.v);
+    let lumps = &model.lumps;
+    let start = Vector2::new(state.v[0], state.v[1]);
+    let mut velocity = start;
+    let mut moment = [0.0; B];
+    for i in 0..B {
+        moment[i] = lumps.j[i] * rate[i] + cross(&chain.s[i], &velocity);
+        velocity += rate[i] * perp(&chain.d[i]);
+    }
+    let mut momentum = Coordinates::zeros();
+    let mut beyond = Vector2::zeros();
+    let mut first_moment = Vector2::zeros();
+    let mut total = 0.0;
+    for i in (0..B).rev() {
+        total += moment[i] + cross(&chain.d[i], &beyond);
+        beyond += rate[i] * perp(&chain.s[i]);
+        first_moment += chain.s[i];
+        momentum[2 + i] = total;
+        if i > 0 {
+            momentum[2 + i] += lumps.rotor[i] * state.v[2 + i];
+        }
+    }
+    let linear = beyond + lumps.total_mass * start;
+    momentum[0] = linear.x;
+    momentum[1] = linear.y;
+    (momentum, first_moment * lumps.per_mass)
 }
