@@ -30,8 +30,8 @@ impl Dynamics {
         let mut keep_resting = 0;
         let mut momentum = self.momentum(motion);
         for _ in 0..MAX_EVENTS {
-            let sliding = self.sliding(motion, now, load, keep_resting);
-            let (end, impulse) = self.runge_kutta(motion, now, left, load, &sliding);
+            let (sliding, first) = self.sliding(motion, now, load, keep_resting);
+            let (end, impulse) = self.runge_kutta(motion, &first, now, left, load, &sliding);
             let Some((joint, share)) = self.first_rest(motion, &end, &sliding) else {
                 *motion = end;
                 momentum += impulse;
@@ -43,8 +43,8 @@ impl Dynamics {
                 keep_resting |= 1 << joint;
                 continue;
             }
-            let duration = self.rest_time(joint, motion, now, left, load, &sliding);
-            let (at_rest, impulse) = self.runge_kutta(motion, now, duration, load, &sliding);
+            let duration = self.rest_time(joint, motion, &first, now, left, load, &sliding);
+            let (at_rest, impulse) = self.runge_kutta(motion, &first, now, duration, load, &sliding);
             *motion = at_rest;
             momentum += impulse;
             self.stop(joint, motion, &sliding);
@@ -56,8 +56,8 @@ impl Dynamics {
         }
         if left > 1e-12 {
             // More changes than a step can have: the rest of it with everything at rest that rests.
-            let sliding = self.sliding(motion, now, load, Mask::MAX);
-            let (end, impulse) = self.runge_kutta(motion, now, left, load, &sliding);
+            let (sliding, first) = self.sliding(motion, now, load, Mask::MAX);
+            let (end, impulse) = self.runge_kutta(motion, &first, now, left, load, &sliding);
             *motion = end;
             momentum += impulse;
         }
@@ -66,7 +66,14 @@ impl Dynamics {
 
     /// Linear momentum and angular momentum about the table's origin.
     fn momentum(&self, motion: &Motion) -> Vector3<f64> {
-        about_origin(&motion.state.q, &self.model.momentum(&motion.state).about_base())
+        // `H v` is the force that gives accelerations `v` at rest, without gravity: far cheaper than `H`.
+        let at_rest = State::at_rest(motion.state.q);
+        let [gx, gy] = self.model.gravity_m_s2();
+        let mut v = motion.state.v;
+        v[0] += gx;
+        v[1] += gy;
+        let p = self.model.inverse_dynamics(&at_rest, &v);
+        about_origin(&motion.state.q, &Vector3::new(p[0], p[1], p[2]))
     }
 
     /// Changes the base's velocity so that the momentum is `wanted`.
@@ -77,10 +84,13 @@ impl Dynamics {
         let (x, y) = (motion.state.q[0], motion.state.q[1]);
         let missing = wanted - self.momentum(motion);
         let about_base = Vector3::new(missing.x, missing.y, missing.z - x * missing.y + y * missing.x);
-        let change = self.model.base_twist(&motion.state.q, &JointVector::zeros(), &about_base);
-        for i in 0..3 {
-            motion.state.v[i] += change[i];
-        }
+        // The same in reverse: velocities per momentum are accelerations per force.
+        let at_rest = State::at_rest(motion.state.q);
+        let change = self.model.prescribed_dynamics(&at_rest, &JointVector::zeros(), &about_base);
+        let [gx, gy] = self.model.gravity_m_s2();
+        motion.state.v[0] += change[0] - gx;
+        motion.state.v[1] += change[1] - gy;
+        motion.state.v[2] += change[2];
     }
 
     /// Force and torque from outside, about the table's origin: `outside` and gravity.
@@ -101,8 +111,9 @@ impl Dynamics {
         if self.physics.joints[i].is_elastic() { motion.rotor_rad_s[i] } else { motion.state.v[3 + i] }
     }
 
-    /// Which drives slide and where to, and which rest; those in `keep_resting` do not break away.
-    pub(crate) fn sliding(&self, motion: &Motion, t_s: f64, load: &Load, keep_resting: Mask) -> Sliding {
+    /// Which drives slide and where to, and which rest, and the accelerations then; drives in `keep_resting` do not break
+    /// away.
+    pub(crate) fn sliding(&self, motion: &Motion, t_s: f64, load: &Load, keep_resting: Mask) -> (Sliding, Rates) {
         let mut sliding = [0.0; MAX_LINKS];
         let mut resting: Mask = 0;
         for i in 0..self.joints {
@@ -113,26 +124,22 @@ impl Dynamics {
                 resting |= 1 << i;
             }
         }
-        while resting != 0 {
-            let Some((joint, direction)) = self.breakaway(motion, t_s, load, &sliding, resting) else {
-                break;
+        loop {
+            let rates = self.rates(motion, t_s, load, &sliding);
+            let Some((joint, direction)) = self.breakaway(motion, load, &rates, resting) else {
+                return (sliding, rates);
             };
             sliding[joint] = direction;
             resting &= !(1 << joint);
         }
-        sliding
     }
 
     /// The resting drive that is furthest beyond its breakaway torque, and where it goes.
-    fn breakaway(
-        &self,
-        motion: &Motion,
-        t_s: f64,
-        load: &Load,
-        sliding: &Sliding,
-        resting: Mask,
-    ) -> Option<(usize, f64)> {
-        let needed = self.needed_torques(motion, t_s, load, sliding);
+    fn breakaway(&self, motion: &Motion, load: &Load, rates: &Rates, resting: Mask) -> Option<(usize, f64)> {
+        if resting == 0 {
+            return None;
+        }
+        let needed = self.needed_torques(motion, rates);
         let mut worst = None;
         let mut worst_excess = 0.0;
         for i in (0..self.joints).filter(|i| resting & (1 << i) != 0) {
@@ -175,9 +182,19 @@ impl Dynamics {
     }
 
     /// When within `left_s` drive `i` comes to rest [s], by regula falsi (Illinois).
-    fn rest_time(&self, i: usize, start: &Motion, t_s: f64, left_s: f64, load: &Load, sliding: &Sliding) -> f64 {
+    #[allow(clippy::too_many_arguments)] // one step's circumstances, which change from call to call
+    fn rest_time(
+        &self,
+        i: usize,
+        start: &Motion,
+        first: &Rates,
+        t_s: f64,
+        left_s: f64,
+        load: &Load,
+        sliding: &Sliding,
+    ) -> f64 {
         let rate_after = |duration: f64| {
-            let (end, _) = self.runge_kutta(start, t_s, duration, load, sliding);
+            let (end, _) = self.runge_kutta(start, first, t_s, duration, load, sliding);
             self.rubbing_rate(i, &end) * sliding[i]
         };
         let (mut low, mut low_rate) = (0.0, self.rubbing_rate(i, start) * sliding[i]);
@@ -223,35 +240,37 @@ impl Dynamics {
         motion.state.v[3 + i] = 0.0;
     }
 
-    /// One step, and the impulse from outside in it about the table's origin.
+    /// One step from accelerations `k1`, and the impulse from outside in it about the table's origin.
     fn runge_kutta(
         &self,
         start: &Motion,
+        k1: &Rates,
         t_s: f64,
         dt_s: f64,
         load: &Load,
         sliding: &Sliding,
     ) -> (Motion, Vector3<f64>) {
         let half = 0.5 * dt_s;
-        let (k1, w1) = self.rates(start, t_s, load, sliding);
-        let m2 = start.moved(start, &k1, half);
-        let (k2, w2) = self.rates(&m2, t_s + half, load, sliding);
+        let m2 = start.moved(start, k1, half);
+        let k2 = self.rates(&m2, t_s + half, load, sliding);
         let m3 = start.moved(&m2, &k2, half);
-        let (k3, w3) = self.rates(&m3, t_s + half, load, sliding);
+        let k3 = self.rates(&m3, t_s + half, load, sliding);
         let m4 = start.moved(&m3, &k3, dt_s);
-        let (k4, w4) = self.rates(&m4, t_s + dt_s, load, sliding);
+        let k4 = self.rates(&m4, t_s + dt_s, load, sliding);
         let sixth = dt_s / 6.0;
         let mut end = *start;
         let rate = start.state.v + 2.0 * (m2.state.v + m3.state.v) + m4.state.v;
         end.state.q += sixth * rate;
         end.state.v += sixth * (k1.joints + 2.0 * (k2.joints + k3.joints) + k4.joints);
-        for i in 0..self.joints {
-            let rate = |m: &Motion| m.rotor_rad_s[i];
-            end.rotor_rad[i] += sixth * (rate(start) + 2.0 * (rate(&m2) + rate(&m3)) + rate(&m4));
-            end.rotor_rad_s[i] += sixth * (k1.rotors[i] + 2.0 * (k2.rotors[i] + k3.rotors[i]) + k4.rotors[i]);
+        if self.is_elastic {
+            for i in 0..self.joints {
+                let rate = |m: &Motion| m.rotor_rad_s[i];
+                end.rotor_rad[i] += sixth * (rate(start) + 2.0 * (rate(&m2) + rate(&m3)) + rate(&m4));
+                end.rotor_rad_s[i] += sixth * (k1.rotors[i] + 2.0 * (k2.rotors[i] + k3.rotors[i]) + k4.rotors[i]);
+            }
         }
-        let w = |m: &Motion, outside: &Coordinates| self.external(m, outside);
-        let impulse = sixth * (w(start, &w1) + 2.0 * (w(&m2, &w2) + w(&m3, &w3)) + w(&m4, &w4));
+        let w = |m: &Motion, k: &Rates| self.external(m, &k.outside);
+        let impulse = sixth * (w(start, k1) + 2.0 * (w(&m2, &k2) + w(&m3, &k3)) + w(&m4, &k4));
         (end, impulse)
     }
 }

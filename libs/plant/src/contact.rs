@@ -102,7 +102,6 @@ impl Simulation {
         if let Some(target) = &mut self.target {
             target.held = Some([at[0], at[1], pose[2] - tip[2]]);
         }
-        self.refresh();
         Ok(())
     }
 
@@ -112,7 +111,6 @@ impl Simulation {
             && target.held.take().is_some()
         {
             self.let_go();
-            self.refresh();
         }
     }
 

@@ -1,6 +1,6 @@
 //! The equations of motion of base, arm and drives.
 
-use fss_multibody::{Coordinates, Model, ModelError, Prescribed, State};
+use fss_multibody::{Coordinates, JointVector, Model, ModelError, Prescribed, State};
 
 use crate::check::MAX_LINKS;
 use crate::physics::{BaseMotion, JointPhysics, Physics};
@@ -34,13 +34,17 @@ pub(crate) struct Dynamics {
     pub(crate) model: Model,
     /// Number of joints.
     pub(crate) joints: usize,
+    /// Whether any rotor moves on its own.
+    pub(crate) is_elastic: bool,
 }
 
-/// Accelerations of a [`Motion`].
+/// Accelerations of a [`Motion`], and what causes them from outside.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rates {
     pub(crate) joints: Coordinates,
     pub(crate) rotors: [f64; MAX_LINKS],
+    /// Forces beside gravity and the rigid drives.
+    pub(crate) outside: Coordinates,
 }
 
 /// Sliding direction of each drive, -1 or 1; 0 is at rest.
@@ -48,7 +52,12 @@ pub(crate) type Sliding = [f64; MAX_LINKS];
 
 impl Dynamics {
     pub(crate) fn new(physics: Physics) -> Result<Self, ModelError> {
-        Ok(Self { model: physics.model(0.0)?, joints: physics.joints.len(), physics })
+        Ok(Self {
+            model: physics.model(0.0)?,
+            joints: physics.joints.len(),
+            is_elastic: physics.joints.iter().any(JointPhysics::is_elastic),
+            physics,
+        })
     }
 
     /// Makes the base lighter by the gas that has left it.
@@ -58,9 +67,9 @@ impl Dynamics {
         }
     }
 
-    /// Accelerations, and the forces beside gravity and the rigid drives.
+    /// Accelerations where drives slide as `sliding` says.
     #[inline]
-    pub(crate) fn rates(&self, motion: &Motion, t_s: f64, load: &Load, sliding: &Sliding) -> (Rates, Coordinates) {
+    pub(crate) fn rates(&self, motion: &Motion, t_s: f64, load: &Load, sliding: &Sliding) -> Rates {
         let mut outside = self.outside_forces(motion, t_s, load);
         let mut force = outside;
         let mut rotors = [0.0; MAX_LINKS];
@@ -81,11 +90,16 @@ impl Dynamics {
                     - joint.friction.sliding_n_m(sliding[i], motion.state.v[3 + i]);
             }
         }
+        let state = &motion.state;
         let joints = match self.resting(sliding) {
-            Some(resting) => self.model.hybrid_dynamics(&motion.state, &force, &resting).acc,
-            None => self.model.forward_dynamics(&motion.state, &force),
+            None => self.model.forward_dynamics(state, &force),
+            Some(resting) if resting[..self.joints].iter().all(Option::is_some) => {
+                let base = force.fixed_rows::<3>(0).into_owned();
+                self.model.prescribed_dynamics(state, &JointVector::zeros(), &base)
+            }
+            Some(resting) => self.model.hybrid_dynamics(state, &force, &resting).acc,
         };
-        (Rates { joints, rotors }, outside)
+        Rates { joints, rotors, outside }
     }
 
     /// Rigid joints at rest, which do not accelerate; `None` where there are none.
@@ -164,25 +178,19 @@ impl Dynamics {
     /// Torque that each drive passes on to its link, as the sensor behind the gear feels it [N m].
     pub(crate) fn drive_torques(&self, motion: &Motion, t_s: f64, load: &Load) -> [f64; MAX_LINKS] {
         let mut torque = [0.0; MAX_LINKS];
-        let sliding = self.sliding(motion, t_s, load, 0);
-        let needed = self.resting(&sliding).map(|_| self.needed_torques(motion, t_s, load, &sliding));
+        let (_, rates) = self.sliding(motion, t_s, load, 0);
+        let needed = self.needed_torques(motion, &rates);
         for (i, joint) in self.physics.joints.iter().enumerate() {
             let q = motion.state.q[3 + i];
-            torque[i] = if joint.is_elastic() {
-                self.wind_up_torque(i, motion) * joint.gear_ratio(q)
-            } else if let (Some(needed), true) = (&needed, joint.friction.is_dry() && sliding[i] == 0.0) {
-                needed[3 + i]
-            } else {
-                load.motor_n_m[i] * joint.gear_ratio(q) - joint.friction.sliding_n_m(sliding[i], motion.state.v[3 + i])
-            };
+            torque[i] =
+                if joint.is_elastic() { self.wind_up_torque(i, motion) * joint.gear_ratio(q) } else { needed[3 + i] };
         }
         torque
     }
 
-    /// Torques that the rigid drives must pass on for the motion to be what it is.
-    pub(crate) fn needed_torques(&self, motion: &Motion, t_s: f64, load: &Load, sliding: &Sliding) -> Coordinates {
-        let (rates, outside) = self.rates(motion, t_s, load, sliding);
-        self.model.inverse_dynamics(&motion.state, &rates.joints) - outside
+    /// Torques that the rigid drives pass on for the motion to be what it is.
+    pub(crate) fn needed_torques(&self, motion: &Motion, rates: &Rates) -> Coordinates {
+        self.model.inverse_dynamics(&motion.state, &rates.joints) - rates.outside
     }
 
     /// Angle and rate of drive `i`'s motor as seen at the joint [rad, rad/s].

@@ -123,7 +123,7 @@ impl Instruments {
 
 /// The truth `age_s` ago; a stream cannot show the future.
 fn seen(simulation: &Simulation, age_s: f64) -> Truth {
-    if age_s > 0.0 { simulation.truth_at(simulation.t_s() - age_s) } else { *simulation.truth() }
+    if age_s > 0.0 { simulation.truth_at(simulation.t_s() - age_s) } else { simulation.truth() }
 }
 
 /// A tracked pose: turned with the camera frame, noisy, sometimes missing.

@@ -13,7 +13,7 @@ use crate::physics::{Grasped, Physics, Stream};
 use crate::power::{Air, Charge};
 use crate::servo::{Driver, Joint, JointCommand};
 use crate::thrust;
-use crate::truth::{History, Truth};
+use crate::truth::{History, Moment, Truth};
 use crate::valves::Valve;
 
 /// Longest step of the integration, which is also the period of the servo drivers [s].
@@ -234,8 +234,19 @@ impl Simulation {
     }
 
     fn remember(&mut self) {
-        let truth = self.observe();
-        self.history.push(&truth);
+        let moment = self.moment();
+        self.history.push(&moment);
+    }
+
+    fn moment(&self) -> Moment {
+        Moment {
+            t_s: self.t_s,
+            stage: self.stage,
+            motion: self.motion,
+            load: self.last_load,
+            current_a: self.current_a,
+            target: self.target_motion(),
+        }
     }
 
     /// What drives the next `dt_s`.
@@ -328,21 +339,23 @@ impl Simulation {
         dynamics.set_used_gas(used);
     }
 
-    /// Brings the truth up to date with a motion that was changed from outside a step.
-    pub(crate) fn refresh(&mut self) {
-        let truth = self.observe();
-        self.history.replace_last(&truth);
-    }
-
     /// The truth now.
-    pub fn truth(&self) -> &Truth {
-        self.history.last()
+    pub fn truth(&self) -> Truth {
+        Truth::of(&self.moment(), self.dynamics())
     }
 
     /// The truth at an earlier time, linear between what is remembered: every internal step where a sensor shows what
     /// was, else every call of [`Simulation::step`]; the oldest known before that.
     pub fn truth_at(&self, t_s: f64) -> Truth {
-        self.history.at(t_s)
+        let Some((earlier, later)) = self.history.around(t_s) else {
+            return self.truth();
+        };
+        let first = Truth::of(earlier, &self.stages[earlier.stage].1);
+        if later.t_s <= earlier.t_s {
+            return first;
+        }
+        let share = (t_s - earlier.t_s) / (later.t_s - earlier.t_s);
+        first.toward(&Truth::of(later, &self.stages[later.stage].1), share)
     }
 
     /// Opening of each thruster's valve, 0 to 1.
@@ -402,9 +415,5 @@ impl Simulation {
     pub fn centre_of_mass_m(&self) -> [f64; 2] {
         let centre = self.model().center_of_mass(&self.motion.state.q);
         [centre.x, centre.y]
-    }
-
-    fn observe(&self) -> Truth {
-        Truth::of(self, &self.last_load, &self.current_a)
     }
 }

@@ -1,9 +1,8 @@
 //! What is really so at one time, and how long it is remembered.
 
 use crate::check::MAX_LINKS;
-use crate::dynamics::Load;
+use crate::dynamics::{Dynamics, Load, Motion};
 use crate::physics::{Physics, Stream};
-use crate::simulation::Simulation;
 
 /// The true state of the laboratory at one time. Joint arrays hold as many values as the plant has
 /// joints, then zeros.
@@ -37,13 +36,24 @@ pub struct Truth {
     pub torque_n_m: [f64; MAX_LINKS],
 }
 
+/// What the truth at one time follows from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment {
+    pub(crate) t_s: f64,
+    /// Stage of the run, whose dynamics held.
+    pub(crate) stage: usize,
+    pub(crate) motion: Motion,
+    pub(crate) load: Load,
+    pub(crate) current_a: [f64; MAX_LINKS],
+    /// Pose and velocity of the target.
+    pub(crate) target: ([f64; 3], [f64; 3]),
+}
+
 impl Truth {
-    pub(crate) fn of(simulation: &Simulation, load: &Load, current_a: &[f64; MAX_LINKS]) -> Self {
-        let dynamics = simulation.dynamics();
-        let motion = &simulation.motion;
-        let t_s = simulation.t_s();
+    pub(crate) fn of(moment: &Moment, dynamics: &Dynamics) -> Self {
+        let (t_s, motion, load) = (moment.t_s, &moment.motion, &moment.load);
         let (q, v) = (&motion.state.q, &motion.state.v);
-        let links = simulation.joint_count();
+        let links = dynamics.joints;
         let base_pose = [q[0], q[1], q[2]];
         let base_velocity = [v[0], v[1], v[2]];
         let (ee_pose, ee_velocity) = if links == 0 {
@@ -53,7 +63,7 @@ impl Truth {
             let twist = dynamics.model.jacobian(q) * v;
             ([pose.x, pose.y, pose.z], [twist.x, twist.y, twist.z])
         };
-        let (target_pose, target_velocity) = simulation.target_motion();
+        let (target_pose, target_velocity) = moment.target;
         let mut truth = Self {
             t_s,
             base_pose,
@@ -66,7 +76,7 @@ impl Truth {
             qd_rad_s: [0.0; MAX_LINKS],
             motor_rad: [0.0; MAX_LINKS],
             motor_rad_s: [0.0; MAX_LINKS],
-            current_a: *current_a,
+            current_a: moment.current_a,
             torque_n_m: dynamics.drive_torques(motion, t_s, load),
         };
         truth.q_rad[..links].copy_from_slice(&q.as_slice()[3..3 + links]);
@@ -78,7 +88,7 @@ impl Truth {
     }
 
     /// Linear between this truth and a later one, `share` of the way.
-    fn toward(&self, later: &Self, share: f64) -> Self {
+    pub(crate) fn toward(&self, later: &Self, share: f64) -> Self {
         let mix = |a: f64, b: f64| a + share * (b - a);
         let mix3 = |a: &[f64; 3], b: &[f64; 3]| std::array::from_fn(|i| mix(a[i], b[i]));
         let mix_joints = |a: &[f64; MAX_LINKS], b: &[f64; MAX_LINKS]| std::array::from_fn(|i| mix(a[i], b[i]));
@@ -109,10 +119,10 @@ pub(crate) fn oldest_sample_s(physics: &Physics) -> f64 {
     ages.chain(links).fold(0.0, f64::max)
 }
 
-/// The last truths, one for each internal step; a ring that is filled once and then overwritten.
+/// The last moments, one for each internal step; a ring that is filled once and then overwritten.
 #[derive(Debug, Clone)]
 pub(crate) struct History {
-    ring: Vec<Truth>,
+    ring: Vec<Moment>,
     capacity: usize,
     next: usize,
 }
@@ -129,46 +139,34 @@ impl History {
         self.next = 0;
     }
 
-    /// Replaces the newest truth.
-    pub(crate) fn replace_last(&mut self, truth: &Truth) {
-        let len = self.ring.len();
-        if len > 0 {
-            self.ring[(self.next + 2 * len - 1) % len] = *truth;
-        }
-    }
-
-    pub(crate) fn push(&mut self, truth: &Truth) {
+    pub(crate) fn push(&mut self, moment: &Moment) {
         if self.ring.len() < self.capacity {
-            self.ring.push(*truth);
+            self.ring.push(*moment);
         } else {
-            self.ring[self.next] = *truth;
+            self.ring[self.next] = *moment;
         }
         self.next = (self.next + 1) % self.capacity;
     }
 
-    /// The `back`-th truth before the last.
-    fn back(&self, back: usize) -> &Truth {
-        let len = self.ring.len();
-        &self.ring[(self.next + 2 * len - 1 - back) % len]
-    }
-
-    pub(crate) fn last(&self) -> &Truth {
-        self.back(0)
-    }
-
-    pub(crate) fn at(&self, t_s: f64) -> Truth {
-        let mut later = self.back(0);
+    /// The moments that `t_s` lies between, earlier and later; twice the same at a moment or beyond the ends.
+    pub(crate) fn around(&self, t_s: f64) -> Option<(&Moment, &Moment)> {
+        let mut later = self.back(0)?;
         for i in 1..self.ring.len() {
             if t_s >= later.t_s {
                 break;
             }
-            let earlier = self.back(i);
+            let earlier = self.back(i)?;
             if earlier.t_s <= t_s {
-                let share = (t_s - earlier.t_s) / (later.t_s - earlier.t_s);
-                return earlier.toward(later, share);
+                return Some((earlier, later));
             }
             later = earlier;
         }
-        *later
+        Some((later, later))
+    }
+
+    /// The `back`-th moment before the last.
+    fn back(&self, back: usize) -> Option<&Moment> {
+        let len = self.ring.len();
+        self.ring.get((self.next + 2 * len - 1 - back).checked_rem(len)?)
     }
 }

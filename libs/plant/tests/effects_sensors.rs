@@ -129,7 +129,7 @@ fn every_sensor_is_as_noisy_as_the_plant_says() {
     let mut plant = Plant::default_laboratory().unwrap();
     plant.sensors.gyro_bias_walk_rad_s_sqrt_s = 0.0;
     let simulation = simulate(&plant, &[]);
-    let truth = *simulation.truth();
+    let truth = simulation.truth();
     let mut instruments = Instruments::new(4, seed);
     let count = 4000;
     let mut columns = vec![Vec::new(); 7];
