@@ -1,5 +1,6 @@
 //! What a laboratory is besides its plant: the start of the run, the networks, the faults on purpose.
 
+use crate::devices::camera::OBJECTS;
 use crate::{LabError, Network};
 use fss_plant::{MAX_LINKS, Plant};
 use fss_wire::link::Key;
@@ -18,21 +19,23 @@ pub struct Start {
     pub qd_rad_s: [f64; MAX_LINKS],
 }
 
-/// A fault and when it is there.
+/// A fault of a device and when it is there. Faults of the plant itself (a stuck valve, a leak) are its effects.
+///
+/// In a file: `{ from_s = 5, to_s = 6, kind = "vicon_silent" }`, or `kind = { link_dead = { link = 2 } }`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Fault {
     /// Start, from the start of the run (s).
     pub from_s: f64,
     /// End (s).
     pub to_s: f64,
     /// What is wrong.
-    #[serde(flatten)]
     pub kind: FaultKind,
 }
 
 /// What can be wrong with a device. Links count from 1.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FaultKind {
     /// Motion capture sends nothing.
     ViconSilent,
@@ -61,7 +64,12 @@ pub enum FaultKind {
         /// The link.
         link: usize,
     },
-    /// A link's encoder reads what it read when this began.
+    /// A link's servo driver reports a fault and is off; the link goes on talking.
+    DriverFault {
+        /// The link.
+        link: usize,
+    },
+    /// A link's telemetry repeats the encoder angle that it had when this began.
     EncoderStuck {
         /// The link.
         link: usize,
@@ -136,6 +144,11 @@ impl LabConfig {
             {
                 return refuse(format!("{:?}: links are 1 to {links}", fault.kind));
             }
+            if let Some(object) = fault.kind.object()
+                && !OBJECTS.contains(&object)
+            {
+                return refuse(format!("{:?}: motion capture tracks {}", fault.kind, OBJECTS.join(", ")));
+            }
         }
         Ok(())
     }
@@ -144,7 +157,17 @@ impl LabConfig {
 impl FaultKind {
     fn link(&self) -> Option<usize> {
         match self {
-            Self::LinkDead { link } | Self::EncoderStuck { link } | Self::TorqueSaturated { link } => Some(*link),
+            Self::LinkDead { link }
+            | Self::DriverFault { link }
+            | Self::EncoderStuck { link }
+            | Self::TorqueSaturated { link } => Some(*link),
+            _ => None,
+        }
+    }
+
+    fn object(&self) -> Option<&str> {
+        match self {
+            Self::ViconZeros { object } | Self::ViconJump { object, .. } => Some(object),
             _ => None,
         }
     }

@@ -1,7 +1,7 @@
 //! The core: physics, devices and the ways between them and the computer, as a function of time.
 
 use crate::channel::Channel;
-use crate::config::ActiveFaults;
+use crate::config::{ActiveFaults, FaultKind};
 use crate::devices::camera::Camera;
 use crate::devices::gyro::{self, Gyro};
 use crate::devices::link::Link;
@@ -155,7 +155,11 @@ impl Laboratory {
     fn drive_links(&mut self) {
         let faults = ActiveFaults::at(&self.config.faults, self.elapsed_s());
         for (i, link) in self.links.iter_mut().enumerate() {
+            let is_dead = faults.has(&FaultKind::LinkDead { link: i + 1 });
             while let Some((at_ns, from, datagram)) = self.up[i].arrived(self.now_ns) {
+                if is_dead {
+                    continue;
+                }
                 match link.receive(at_ns, from, &datagram) {
                     Ok(()) => self.traffic.commands += 1,
                     Err(refusal) => {

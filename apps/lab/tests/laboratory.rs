@@ -79,6 +79,8 @@ fn a_configuration_that_makes_no_sense_is_refused_with_its_place() {
     assert!(refusal(LabConfig { link_up: network, ..config() }).contains("link_up"));
     let dead = Fault { from_s: 0.0, to_s: 1.0, kind: FaultKind::LinkDead { link: 5 } };
     assert!(refusal(LabConfig { faults: vec![dead], ..config() }).contains("links are 1 to 4"));
+    let nobody = Fault { from_s: 0.0, to_s: 1.0, kind: FaultKind::ViconZeros { object: "bse".into() } };
+    assert!(refusal(LabConfig { faults: vec![nobody], ..config() }).contains("base, end_effector, target"));
     let backwards = Fault { from_s: 2.0, to_s: 1.0, kind: FaultKind::ViconSilent };
     assert!(refusal(LabConfig { faults: vec![backwards], ..config() }).contains("2 to 1 s"));
     assert!(refusal(LabConfig { gyro_clock_error: -1.0, ..config() }).contains("gyro clock"));
@@ -95,13 +97,11 @@ fn faults_are_read_from_a_mission_file() {
         r#"
         link_up = { loss = 0.1, delay_s = 0.02 }
         [[fault]]
-        kind = "vicon_zeros"
-        object = "base"
+        kind = { vicon_zeros = { object = "base" } }
         from_s = 5
         to_s = 6.5
         [[fault]]
-        kind = "link_dead"
-        link = 2
+        kind = { link_dead = { link = 2 } }
         from_s = 10
         to_s = 12
         "#,
@@ -110,4 +110,7 @@ fn faults_are_read_from_a_mission_file() {
     assert_eq!(file.fault[0].kind, FaultKind::ViconZeros { object: "base".into() });
     assert_eq!(file.fault[1], Fault { from_s: 10.0, to_s: 12.0, kind: FaultKind::LinkDead { link: 2 } });
     assert_eq!(file.link_up, Network { loss: 0.1, delay_s: 0.02, ..Network::default() });
+    for typo in ["kind = 'vicon_silnt'", "kind = { link_dead = { lnk = 2 } }", "kind = 'gyro_silent'\nuntil_s = 3"] {
+        assert!(toml::from_str::<Fault>(&format!("from_s = 1\nto_s = 2\n{typo}")).is_err(), "{typo}");
+    }
 }

@@ -14,6 +14,7 @@ fn a_link_answers_whoever_commands_it_five_times_a_second() {
     assert!(bench.heard.links.is_empty(), "a link that nobody commanded has nobody to talk to");
     bench.drive(2, 10 * S, |_| velocity(0.05));
     let telemetry = bench.heard.telemetry(2);
+    assert!(telemetry.iter().skip(5).all(|report| report.faults == Faults::default()));
     assert!((49..=51).contains(&telemetry.len()), "{} reports in 10 s", telemetry.len());
     assert!(bench.heard.links.iter().all(|(_, link, to, _)| *link == 2 && *to == COMPUTER));
     let last = telemetry.last().unwrap();
@@ -113,6 +114,7 @@ fn a_driver_uses_no_more_torque_than_its_command_allows() {
     let mut bench = Bench::new(&plant(), config());
     let torque_constant = plant().links[0].torque_constant_n_m_a;
     bench.drive(0, 2 * S, |_| Command { max_torque_nm: 0.06, ..velocity(0.5) });
+    assert!(bench.heard.telemetry(0).last().unwrap().faults.contains(Faults::TORQUE_LIMIT));
     let current = bench.laboratory.truth().current_a[0];
     assert!((current * torque_constant - 0.06).abs() < 1e-6, "torque {} N m", current * torque_constant);
     bench.drive(0, 2 * S, |_| Command {
@@ -126,16 +128,17 @@ fn a_driver_uses_no_more_torque_than_its_command_allows() {
 }
 
 #[test]
-fn a_stuck_encoder_a_saturated_sensor_and_a_dead_link_look_like_it() {
+fn a_stuck_encoder_a_saturated_sensor_a_failed_driver_and_a_dead_link_look_like_it() {
     let fault = |kind| Fault { from_s: 2.0, to_s: 4.0, kind };
     let faults = vec![
         fault(FaultKind::EncoderStuck { link: 1 }),
         fault(FaultKind::TorqueSaturated { link: 2 }),
         fault(FaultKind::LinkDead { link: 3 }),
+        fault(FaultKind::DriverFault { link: 4 }),
     ];
     let mut bench = Bench::new(&plant(), LabConfig { faults, ..config() });
     for _ in 0..30 {
-        for link in 0..3 {
+        for link in 0..4 {
             bench.command(link, velocity(0.1));
         }
         bench.wait(200 * MS);
@@ -149,6 +152,8 @@ fn a_stuck_encoder_a_saturated_sensor_and_a_dead_link_look_like_it() {
             && !saturated[0]
             && !saturated[saturated.len() - 1]
     );
+    let failed = bench.heard.telemetry(3).into_iter().filter(|report| report.faults.contains(Faults::DRIVER));
+    assert!(failed.clone().count() >= 9 && failed.clone().all(|report| report.mode == Mode::Disabled));
     let dead = bench.heard.telemetry(2).len();
     assert!((19..=21).contains(&dead), "{dead} of 30 reports of a link that is dead for a third of the time");
 }

@@ -7,7 +7,8 @@ use std::f64::consts::PI;
 
 /// Heights of the markers above the granite (m): base, end-effector, target. No part of the planar motion.
 const HEIGHTS_M: [f64; 3] = [0.25, 0.15, 0.25];
-const NAMES: [&str; 3] = ["base", "end_effector", "target"];
+/// What Tracker calls them.
+pub(crate) const OBJECTS: [&str; 3] = ["base", "end_effector", "target"];
 
 /// The camera system.
 #[derive(Debug, Clone)]
@@ -58,7 +59,7 @@ impl Camera {
         let poses = [instruments.mocap_base(simulation), instruments.mocap_end_effector(simulation), target];
         let mut objects = [Object { name: "", position_m: [0.0; 3], rotation_rad: [0.0; 3] }; 3];
         let mut count = 0;
-        for ((pose, name), height_m) in poses.iter().zip(NAMES).zip(HEIGHTS_M) {
+        for ((pose, name), height_m) in poses.iter().zip(OBJECTS).zip(HEIGHTS_M) {
             if let (Some([x, y, theta]), Some(object)) = (pose, objects.get_mut(count)) {
                 let rotation_rad = [0.0, 0.0, wrapped(*theta)];
                 *object = Object { name, position_m: [*x, *y, height_m], rotation_rad };

@@ -3,7 +3,7 @@
 use super::DeviceClock;
 use crate::config::{ActiveFaults, FaultKind};
 use crate::random::Random;
-use fss_plant::{Instruments, JointCommand, Simulation};
+use fss_plant::{Instruments, JointCommand, Servo, Simulation};
 use fss_wire::link::{Command, DATAGRAM_LEN, Faults, Key, LinkError, Mode, ReplayGuard, Telemetry, TorqueCount};
 use std::net::SocketAddr;
 
@@ -36,6 +36,7 @@ pub(crate) struct Link {
     peer: Option<SocketAddr>,
     command_lost: bool,
     at_limit: bool,
+    at_torque_limit: bool,
     period_ns: u64,
     next_ns: u64,
     reports: u64,
@@ -60,6 +61,7 @@ impl Link {
             peer: None,
             command_lost: false,
             at_limit: false,
+            at_torque_limit: false,
             period_ns,
             next_ns,
             reports: 0,
@@ -93,45 +95,25 @@ impl Link {
             self.command.mode = Mode::Disabled;
             self.command_lost = true;
         }
-        if faults.has(&FaultKind::LinkDead { link: self.number() }) {
+        let link = self.number();
+        if faults.has(&FaultKind::LinkDead { link }) || faults.has(&FaultKind::DriverFault { link }) {
             self.command.mode = Mode::Disabled;
         }
         let physics = simulation.physics();
         let (Some(joint), Some(servo)) = (physics.joints.get(self.index), physics.servos.get(self.index)) else {
             return Drive::default();
         };
-        let limit = joint.limit_rad;
         let motor_rad = simulation.truth().motor_rad.get(self.index).copied().unwrap_or(0.0);
-        let q = joint.encoder_scale * motor_rad + joint.encoder_offset_rad;
-        let [position, velocity, current] =
-            [self.command.position_rad, self.command.velocity_rad_s, self.command.current_a].map(f64::from);
-        let command = match self.command.mode {
-            Mode::Disabled => JointCommand::Free,
-            Mode::Position => {
-                let moved_on = velocity * (age_ns.min(MOVE_ON_NS) as f64 * 1e-9);
-                let target = position + moved_on;
-                let q_rad = target.clamp(-limit, limit);
-                let follows = age_ns < MOVE_ON_NS && q_rad == target;
-                JointCommand::Position { q_rad, qd_rad_s: if follows { velocity } else { 0.0 } }
-            }
-            // The rate fades towards a limit, as if its position were the target.
-            Mode::Velocity => {
-                let gain = servo.position_gain_1_s;
-                let (low, high) = (gain * (-limit - q), gain * (limit - q));
-                JointCommand::Velocity { qd_rad_s: velocity.max(low.min(0.0)).min(high.max(0.0)) }
-            }
-            Mode::Current => {
-                let outwards = q.abs() >= limit && current * q > 0.0;
-                JointCommand::Current { current_a: if outwards { 0.0 } else { current } }
-            }
-        };
-        self.at_limit = match command {
-            JointCommand::Free => q.abs() >= limit,
-            JointCommand::Position { q_rad, .. } => q_rad.abs() >= limit,
-            JointCommand::Velocity { qd_rad_s } => qd_rad_s != velocity,
-            JointCommand::Current { current_a } => current_a != current,
-        };
-        Drive { command, max_torque_nm: f64::from(self.command.max_torque_nm).max(0.0) }
+        let encoder_rad = joint.encoder_scale * motor_rad + joint.encoder_offset_rad;
+        let (command, at_limit) = within_limit(&self.command, age_ns, encoder_rad, joint.limit_rad, servo);
+        self.at_limit = at_limit;
+
+        let max_torque_nm = f64::from(self.command.max_torque_nm).max(0.0);
+        let by_torque_a = joint.max_torque_n_m.min(max_torque_nm) / joint.torque_constant_n_m_a;
+        let most_a = servo.max_current_a.map_or(by_torque_a, |own| own.min(by_torque_a));
+        let given_a = simulation.truth().current_a.get(self.index).copied().unwrap_or(0.0);
+        self.at_torque_limit = command != JointCommand::Free && given_a.abs() >= 0.999 * most_a;
+        Drive { command, max_torque_nm }
     }
 
     /// The telemetry measured at `now_ns`, if some is due, and where it goes.
@@ -186,9 +168,11 @@ impl Link {
             current_a: sample.current_a as f32,
             torque,
             faults: Faults::default()
+                .with(Faults::DRIVER, faults.has(&FaultKind::DriverFault { link }))
                 .with(Faults::COMMAND_LOST, self.command_lost)
                 .with(Faults::TORQUE_SATURATED, torque.is_saturated())
                 .with(Faults::JOINT_LIMIT, self.at_limit)
+                .with(Faults::TORQUE_LIMIT, self.at_torque_limit)
                 .with(Faults::BATTERY_LOW, charge < LOW_CHARGE),
             last_command: self.guard.last().unwrap_or(0),
             battery_v: simulation.link_battery_v(i).unwrap_or(NOMINAL_BATTERY_V) as f32,
@@ -205,4 +189,30 @@ pub(crate) struct Drive {
     pub(crate) command: JointCommand,
     /// The largest torque that it may use (N m).
     pub(crate) max_torque_nm: f64,
+}
+
+/// A command that is `age_ns` old, kept from driving a joint at `encoder_rad` past its limit, and whether that changed it.
+fn within_limit(asked: &Command, age_ns: u64, encoder_rad: f64, limit_rad: f64, servo: &Servo) -> (JointCommand, bool) {
+    let [position, velocity, current] = [asked.position_rad, asked.velocity_rad_s, asked.current_a].map(f64::from);
+    match asked.mode {
+        Mode::Disabled => (JointCommand::Free, encoder_rad.abs() >= limit_rad),
+        Mode::Position => {
+            let target = position + velocity * (age_ns.min(MOVE_ON_NS) as f64 * 1e-9);
+            let q_rad = target.clamp(-limit_rad, limit_rad);
+            let follows = age_ns < MOVE_ON_NS && q_rad == target;
+            let command = JointCommand::Position { q_rad, qd_rad_s: if follows { velocity } else { 0.0 } };
+            (command, q_rad != target)
+        }
+        // The rate fades towards a limit, as if that were the target of the position loop.
+        Mode::Velocity => {
+            let gain = servo.position_gain_1_s;
+            let (lowest, highest) = (gain * (-limit_rad - encoder_rad), gain * (limit_rad - encoder_rad));
+            let qd_rad_s = velocity.max(lowest.min(0.0)).min(highest.max(0.0));
+            (JointCommand::Velocity { qd_rad_s }, qd_rad_s != velocity)
+        }
+        Mode::Current => {
+            let outwards = encoder_rad.abs() >= limit_rad && current * encoder_rad > 0.0;
+            (JointCommand::Current { current_a: if outwards { 0.0 } else { current } }, outwards)
+        }
+    }
 }
