@@ -142,8 +142,8 @@ pub enum LinkError {
     /// Of the other kind, or of none.
     #[error("link datagram of kind {0}, expected {1}")]
     Kind(u8, u8),
-    /// The link number is 0; links count from 1.
-    #[error("link datagram for link 0; links count from 1")]
+    /// For link 0 (links count from 1), or where a receiver checks that, for another link.
+    #[error("link datagram for link 0 or for another link")]
     Link,
     /// No such mode.
     #[error("link datagram with mode {0}, modes are 0 to 3")]
