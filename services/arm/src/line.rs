@@ -1,0 +1,131 @@
+//! A straight line of the end-effector, and the task that it sets at each time.
+
+use crate::ArmConfig;
+use crate::estimate::{Estimate, Estimator};
+use crate::inverse::{Bounds, Solution, Task};
+use crate::profile::quintic;
+use crate::reference::Reference;
+use fss_messages::MissionState;
+use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+
+/// A line that a phase asks for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ask {
+    way: Vector2<f64>,
+    duration_s: f64,
+    keeps_orientation: bool,
+    is_zero_reaction: bool,
+    pub(crate) phase_start_ns: u64,
+}
+
+impl Ask {
+    pub(crate) fn of(mission: &MissionState) -> Self {
+        let mode = mission.arm_mode;
+        let (sin, cos) = mission.line_direction_rad.sin_cos();
+        Self {
+            way: Vector2::new(cos, sin) * mission.line_length_m,
+            duration_s: mission.arm_duration_s,
+            keeps_orientation: matches!(mode, MissionState::ARM_LINE_POSE | MissionState::ARM_ZERO_REACTION_POSE),
+            is_zero_reaction: matches!(mode, MissionState::ARM_ZERO_REACTION | MissionState::ARM_ZERO_REACTION_POSE),
+            phase_start_ns: mission.phase_start_ns,
+        }
+    }
+}
+
+/// A line under way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    ask: Ask,
+    start: Vector3<f64>,
+    /// Attitude that a zero-reaction maneuver keeps, rad.
+    attitude_rad: f64,
+    /// Time along the line, s; it runs more slowly where limits slow the line down.
+    pub(crate) clock_s: f64,
+}
+
+impl Line {
+    /// The line from where the end-effector is.
+    pub(crate) fn from_here(ask: &Ask, here: &Estimate) -> Self {
+        Self { ask: *ask, start: here.ee, attitude_rad: here.state.q[2], clock_s: 0.0 }
+    }
+
+    /// Share of the line that is done.
+    pub(crate) fn progress(&self) -> f64 {
+        quintic(self.clock_s, self.ask.duration_s).0
+    }
+
+    /// Where the end-effector shall be now: x m, y m, angle rad.
+    pub(crate) fn goal(&self) -> Vector3<f64> {
+        let here = self.start.xy() + self.ask.way * self.progress();
+        Vector3::new(here.x, here.y, self.start.z)
+    }
+
+    /// How far the end-effector is from where it shall be, m.
+    pub(crate) fn deviation_m(&self, ee: &Vector3<f64>) -> f64 {
+        (self.goal() - ee).xy().norm()
+    }
+
+    /// Joint rates that follow the line and correct what is off.
+    pub(crate) fn resolve(
+        &self,
+        config: &ArmConfig,
+        reference: &Reference,
+        estimator: &Estimator,
+        here: &Estimate,
+    ) -> Solution {
+        let task = self.task(config, reference, estimator, here);
+        let (low, high) = reference.rate_bounds(config);
+        let bounds = Bounds { low, high, sigma_damped: config.sigma_damped, sigma_singular: config.sigma_singular };
+        task.solve(config.model.link_count(), &bounds)
+    }
+
+    /// Rates towards the middle of the joints' range, the gradient of `1/2 sum (q / limit)^2`: they use what freedom the
+    /// task leaves to keep the joints from their limits. They begin and end gently, and with the line.
+    fn centring(&self, config: &ArmConfig, q_rad: &JointVector) -> JointVector {
+        let ramp_s = config.centring_ramp_s.min(self.ask.duration_s / 2.0);
+        let (begun, _) = quintic(self.clock_s, ramp_s);
+        let (ended, _) = quintic(self.clock_s - (self.ask.duration_s - ramp_s), ramp_s);
+        let gain = config.centring_gain_rad2_s * if ramp_s > 0.0 { begun - ended } else { 1.0 - ended };
+        let mut rates = JointVector::zeros();
+        for i in 0..config.model.link_count() {
+            rates[i] = -gain * q_rad[i] / config.limit_rad[i].powi(2);
+        }
+        rates
+    }
+
+    fn task(&self, config: &ArmConfig, reference: &Reference, estimator: &Estimator, here: &Estimate) -> Task {
+        let model = &config.model;
+        // The Jacobians are taken at the reference: the joints are there but for the servos' lag, and it has no noise.
+        let mut q: Coordinates = here.state.q;
+        q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&reference.q_rad);
+        let momentum = estimator.momentum_about_base(model, &q);
+        let jacobian = model.generalized_jacobian(&q);
+        let drift = model.momentum_drift(&q, &momentum);
+
+        let (_, rate) = quintic(self.clock_s, self.ask.duration_s);
+        let error = self.goal() - here.ee;
+        let twist =
+            Vector3::new(self.ask.way.x * rate, self.ask.way.y * rate, 0.0) + error * config.line_gain_1_s - drift;
+
+        let mut task = Task {
+            rows: SMatrix::zeros(),
+            wanted: SVector::zeros(),
+            row_count: 2,
+            preferred: self.centring(config, &reference.q_rad),
+        };
+        task.rows.fixed_rows_mut::<3>(0).copy_from(&jacobian);
+        task.wanted.fixed_rows_mut::<3>(0).copy_from(&twist);
+        if self.ask.keeps_orientation {
+            task.row_count = 3;
+        }
+        if self.ask.is_zero_reaction && !model.base().clamped {
+            let turned = here.state.q[2] - self.attitude_rad;
+            let turning = model.base_twist(&q, &JointVector::zeros(), &momentum).z;
+            task.rows.set_row(task.row_count, &model.reaction_vector(&q).transpose());
+            task.wanted[task.row_count] = -turning - config.attitude_gain_1_s * turned;
+            task.row_count += 1;
+        }
+        task
+    }
+}
