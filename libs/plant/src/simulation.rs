@@ -358,6 +358,19 @@ impl Simulation {
         first.toward(&Truth::of(later, &self.stages[later.stage].1), share)
     }
 
+    /// What the encoder of joint `joint` (from 0) shows its driver now, without noise [rad]; 0 where there is no such
+    /// joint.
+    pub fn encoder_rad(&self, joint: usize) -> f64 {
+        let dynamics = self.dynamics();
+        let physics = dynamics.physics.joints.get(joint);
+        physics.map_or(0.0, |j| j.encoder_scale * dynamics.motor(joint, &self.motion).0 + j.encoder_offset_rad)
+    }
+
+    /// Motor current of joint `joint` (from 0) through the last step [A]; 0 where there is no such joint.
+    pub fn current_a(&self, joint: usize) -> f64 {
+        self.current_a.get(joint).copied().unwrap_or(0.0)
+    }
+
     /// Opening of each thruster's valve, 0 to 1.
     pub fn openings(&self) -> impl Iterator<Item = f64> + '_ {
         self.valves.iter().map(Valve::opening)

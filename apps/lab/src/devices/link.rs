@@ -103,15 +103,14 @@ impl Link {
         let (Some(joint), Some(servo)) = (physics.joints.get(self.index), physics.servos.get(self.index)) else {
             return Drive::default();
         };
-        let motor_rad = simulation.truth().motor_rad.get(self.index).copied().unwrap_or(0.0);
-        let encoder_rad = joint.encoder_scale * motor_rad + joint.encoder_offset_rad;
+        let encoder_rad = simulation.encoder_rad(self.index);
         let (command, at_limit) = within_limit(&self.command, age_ns, encoder_rad, joint.limit_rad, servo);
         self.at_limit = at_limit;
 
         let max_torque_nm = f64::from(self.command.max_torque_nm).max(0.0);
         let by_torque_a = joint.max_torque_n_m.min(max_torque_nm) / joint.torque_constant_n_m_a;
         let most_a = servo.max_current_a.map_or(by_torque_a, |own| own.min(by_torque_a));
-        let given_a = simulation.truth().current_a.get(self.index).copied().unwrap_or(0.0);
+        let given_a = simulation.current_a(self.index);
         self.at_torque_limit = command != JointCommand::Free && given_a.abs() >= 0.999 * most_a;
         Drive { command, max_torque_nm }
     }
