@@ -1,5 +1,42 @@
-//! The program `fss`.
-fn main() {
-    eprintln!("fss: no command is built yet");
-    std::process::exit(2);
+//! The program `fss`: every command, and the launcher.
+#![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
+
+mod files;
+mod log;
+mod run;
+
+use clap::{Parser, Subcommand};
+
+/// Flight software, simulator and calibration for a floating spacecraft simulator with a modular arm.
+#[derive(Parser)]
+#[command(version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fly a mission with the whole stack against the simulated laboratory.
+    Run(run::RunArgs),
+    /// Run one service of a stack, as the launcher or systemd starts it.
+    Service(run::ServiceArgs),
+    /// Run the simulated laboratory alone.
+    Lab(run::LabArgs),
+    /// Look into a log.
+    #[command(subcommand)]
+    Log(log::LogCommand),
+}
+
+fn main() -> miette::Result<()> {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    match Cli::parse().command {
+        Command::Run(args) => run::run(&args),
+        Command::Service(args) => run::service(&args),
+        Command::Lab(args) => run::lab(&args),
+        Command::Log(command) => log::run(&command),
+    }
 }

@@ -14,7 +14,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// How often a service reports its health, ns.
 const HEALTH_PERIOD_NS: u64 = 500_000_000;
 
-/// Runs the service until `stop` is set. `starts` counts how often it has been started in this run.
+/// Runs the service until `stop` is set. `starts` counts how often it has been started in this run; `after_step` is the
+/// service's own device output where that cannot wait for a thread.
 ///
 /// # Errors
 /// Where the clock cannot be read or a port not be opened.
@@ -24,6 +25,7 @@ pub fn run<S: Service>(
     schedule: &Schedule,
     starts: u32,
     stop: &AtomicBool,
+    mut after_step: impl FnMut(),
 ) -> Result<Privileges, BusError> {
     let mut health = Output::open(bus, topic::HEALTH)?;
     let mut events = Output::open(bus, topic::EVENTS)?;
@@ -33,6 +35,8 @@ pub fn run<S: Service>(
     announce::<S>(&mut events, &granted, starts, realtime::now()?);
 
     let (period_ns, phase_ns, deadline_ns) = (schedule.period_ns(), schedule.phase_ns(), schedule.deadline_ns());
+    // What waited while the process was starting is stale: each input begins with its newest sample.
+    runner.inputs.refresh();
     let mut boundary = next_boundary(realtime::now()?, period_ns, phase_ns);
     let mut next_report_ns = boundary.ns();
     while !stop.load(Ordering::Relaxed) {
@@ -42,6 +46,7 @@ pub fn run<S: Service>(
             continue; // a signal woke us
         }
         runner.step(boundary);
+        after_step();
         let dropped = runner.flush(realtime::now()?);
         let done = realtime::now()?;
 

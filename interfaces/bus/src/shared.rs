@@ -13,8 +13,10 @@ use iceoryx2::prelude::*;
 /// A sample borrowed from shared memory.
 pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
 
-/// The most processes, publishers and subscribers of one topic.
-const MAX_PARTICIPANTS: usize = 12;
+/// The most publishers of one topic: every service speaks on `/events` and `/health`.
+const MAX_PUBLISHERS: usize = 32;
+/// The most subscribers of one topic.
+const MAX_SUBSCRIBERS: usize = 10;
 /// The deepest buffer that a subscriber may ask for (the recorder's).
 pub(crate) const MAX_BUFFER: usize = 256;
 
@@ -78,9 +80,9 @@ impl SharedTopics {
             .history_size(1)
             .subscriber_max_buffer_size(MAX_BUFFER)
             .subscriber_max_borrowed_samples(4)
-            .max_publishers(MAX_PARTICIPANTS)
-            .max_subscribers(MAX_PARTICIPANTS)
-            .max_nodes(2 * MAX_PARTICIPANTS)
+            .max_publishers(MAX_PUBLISHERS)
+            .max_subscribers(MAX_SUBSCRIBERS)
+            .max_nodes(MAX_PUBLISHERS + MAX_SUBSCRIBERS)
             .open_or_create()
             .map_err(|e| refused(format!("{e:?}")))
     }
@@ -92,11 +94,12 @@ fn iox_config(prefix: &str) -> Result<Config, String> {
     Ok(config)
 }
 
-/// Removes what dead processes of this stack left in shared memory, and says how many dead nodes there were.
+/// Removes what dead processes of this stack left in shared memory, and says how many dead nodes there were. When no
+/// process of the stack lives any more (`stack_has_ended`), iceoryx2's own management files of this prefix go too.
 ///
 /// # Errors
 /// Where the list of nodes cannot be read.
-pub fn remove_dead_nodes(prefix: &str) -> Result<usize, BusError> {
+pub fn remove_dead_nodes(prefix: &str, stack_has_ended: bool) -> Result<usize, BusError> {
     let refused = |reason: String| BusError::Node { node: "cleanup".to_owned(), reason };
     set_log_level(LogLevel::Fatal);
     let config = iox_config(prefix).map_err(refused)?;
@@ -110,5 +113,19 @@ pub fn remove_dead_nodes(prefix: &str) -> Result<usize, BusError> {
         CallbackProgression::Continue
     })
     .map_err(|e| refused(format!("{e:?}")))?;
+    if stack_has_ended {
+        remove_files(prefix).map_err(|e| refused(e.to_string()))?;
+    }
     Ok(removed)
+}
+
+/// Removes the files of a prefix from where Linux keeps shared memory.
+fn remove_files(prefix: &str) -> std::io::Result<()> {
+    for entry in std::fs::read_dir("/dev/shm")? {
+        let entry = entry?;
+        if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
 }

@@ -197,7 +197,7 @@ impl Service for Base {
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
         let (mode, flown) = Self::mode(now, inputs);
-        if mode != self.sample.mode && mode == BaseCommand::STALE {
+        if self.sample.mode == BaseCommand::CONTROL && mode == BaseCommand::STALE {
             let message = format_args!("navigation or mission is stale: thrusters shut");
             outputs.events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, message));
         }

@@ -1,0 +1,208 @@
+//! A whole run in one process on a virtual clock: the same cores, the same device bytes, as fast as the machine allows.
+
+use super::processes::{describe, start_of};
+use super::stack::Stack;
+use fss_arm::{ArmConfig, ArmService};
+use fss_base::{Base, BaseConfig};
+use fss_bus::launch::Schedule;
+use fss_bus::virtual_time::{self, Tick};
+use fss_bus::{Bus, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Service, Time};
+use fss_fusion::device::{ObjectNames, decode_vicon, gyro_packet};
+use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
+use fss_lab::{DeviceOutputs, LabConfig, Laboratory};
+use fss_links::{COMMAND_QUEUE, CommandDatagram, LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
+use fss_messages::{MissionState, TruthState, topic};
+use fss_mission::{MissionConfig, MissionService};
+use fss_plant::Physics;
+use fss_recorder::Recorder;
+use fss_records::log::LogWriter;
+use fss_thrusters::{Thrusters, VALVES_QUEUE};
+use fss_wire::dsp3000;
+use fss_wire::link::Key;
+use miette::{IntoDiagnostic, Result, miette};
+use std::cell::RefCell;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::rc::Rc;
+
+/// How often the truth is told, ns.
+const TRUTH_PERIOD_NS: u64 = 10_000_000;
+/// A mission that has not ended so long after it should have is given up, s.
+const PATIENCE_S: f64 = 60.0;
+
+/// Flies the mission and records it.
+///
+/// # Errors
+/// Where the log cannot be written or the mission does not end.
+pub fn fly(stack: &Stack, log_path: &Path, seed: u64, mut progress: impl FnMut(&MissionState)) -> Result<()> {
+    let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
+    let mut log = LogWriter::create(log_path).into_diagnostic()?;
+    describe(&mut log, stack, "virtual")?;
+    let recorder = Rc::new(RefCell::new(Runner::new(Recorder::new(log), &bus).into_diagnostic()?));
+    let mut mission = Latest::open(&bus, topic::MISSION_STATE).into_diagnostic()?;
+
+    let mut clock = virtual_time::Stack::new();
+    for schedule in &stack.launch.services {
+        add(&mut clock, schedule, stack, &bus, seed, &recorder)?;
+    }
+    let deadline = Time::from_ns(((stack.mission.duration_s() + PATIENCE_S) * 1e9) as u64);
+    let outcome = loop {
+        let Some(now) = clock.step() else { break Err(miette!("the launch file starts no service")) };
+        mission.refresh();
+        if let Some(state) = mission.fresh() {
+            let state: &MissionState = state;
+            progress(state);
+            if state.state == MissionState::DONE || state.state == MissionState::ABORTED {
+                break Ok(now);
+            }
+        }
+        if now > deadline {
+            break Err(miette!(
+                "the mission did not end within {PATIENCE_S} s of its time; the log says what it waits for"
+            ));
+        }
+    };
+    drop(clock);
+    let recorder = Rc::into_inner(recorder).ok_or_else(|| miette!("the recorder is still in use"))?;
+    let mut recorder = recorder.into_inner();
+    if let Ok(now) = &outcome {
+        recorder.step(*now); // the last samples
+    }
+    recorder.service.finish().into_diagnostic()?;
+    outcome.map(|_| ())
+}
+
+/// A member that the run needs back when the clock has stopped.
+struct Shared<T>(Rc<RefCell<T>>);
+
+impl<T: Tick> Tick for Shared<T> {
+    fn tick(&mut self, now: Time) {
+        self.0.borrow_mut().tick(now);
+    }
+}
+
+fn add(
+    clock: &mut virtual_time::Stack<'_>,
+    schedule: &Schedule,
+    stack: &Stack,
+    bus: &Bus,
+    seed: u64,
+    recorder: &Rc<RefCell<Runner<Recorder>>>,
+) -> Result<()> {
+    let (period_ns, phase_ns) = (schedule.period_ns(), schedule.phase_ns());
+    let plant = &stack.plant;
+    let rate_hz = *schedule.rate_hz.get_ref();
+    macro_rules! member {
+        ($service:expr) => {
+            clock.add(runner($service, bus)?, period_ns, phase_ns)
+        };
+    }
+    match schedule.name.get_ref().as_str() {
+        "recorder" => clock.add(Shared(recorder.clone()), period_ns, phase_ns),
+        "lab" => clock.add(VirtualLaboratory::new(stack, bus, seed)?, period_ns, phase_ns),
+        "fusion" => member!(Fusion::new(FusionConfig::from_plant(plant))),
+        "links" => member!(LinksService::new(LinksConfig::new(plant), key_of(seed)?, 1)),
+        "arm" => member!(ArmService::new(ArmConfig::new(plant).into_diagnostic()?)),
+        "base" => {
+            let model = Physics::nominal(plant).model(0.0).into_diagnostic()?;
+            member!(Base::new(BaseConfig::from_plant(plant, model, rate_hz)));
+        }
+        "thrusters" => member!(Thrusters::new(plant.thrusters.len())),
+        "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::default())),
+        other => return Err(miette!("service '{other}' does not fly on a virtual clock")),
+    }
+    Ok(())
+}
+
+fn runner<S: Service>(service: S, bus: &Bus) -> Result<Runner<S>> {
+    Runner::new(service, bus).into_diagnostic()
+}
+
+/// The key of a run: both ends are in this process.
+fn key_of(seed: u64) -> Result<Key> {
+    let mut secret = [0; 32];
+    secret[..8].copy_from_slice(&seed.to_le_bytes());
+    Key::new(&secret).into_diagnostic()
+}
+
+/// The laboratory with its devices wired to the services' queues, through the same bytes as in real time.
+struct VirtualLaboratory {
+    laboratory: Laboratory,
+    wires: Wires,
+    commands: Queue<CommandDatagram>,
+    valves: Queue<u16>,
+    truth: Output<TruthState>,
+    next_truth_ns: u64,
+}
+
+struct Wires {
+    names: ObjectNames,
+    vicon: Queue<MocapPacket>,
+    gyro: Queue<GyroPacket>,
+    decoder: dsp3000::Decoder,
+    telemetry: Queue<TelemetryDatagram>,
+}
+
+impl VirtualLaboratory {
+    fn new(stack: &Stack, bus: &Bus, seed: u64) -> Result<Self> {
+        let mut config = LabConfig::new(seed, key_of(seed)?);
+        config.start = start_of(&stack.mission);
+        let wires = Wires {
+            names: ObjectNames::default(),
+            vicon: queue(bus, VICON_QUEUE)?,
+            gyro: queue(bus, GYRO_QUEUE)?,
+            decoder: dsp3000::Decoder::new(),
+            telemetry: queue(bus, TELEMETRY_QUEUE)?,
+        };
+        Ok(Self {
+            laboratory: Laboratory::new(&stack.plant, config, 0).into_diagnostic()?,
+            wires,
+            commands: queue(bus, COMMAND_QUEUE)?,
+            valves: queue(bus, VALVES_QUEUE)?,
+            truth: Output::open(bus, topic::TRUTH_STATE).into_diagnostic()?,
+            next_truth_ns: 0,
+        })
+    }
+}
+
+fn queue<T: Send + 'static>(bus: &Bus, name: &'static str) -> Result<Queue<T>> {
+    bus.queue(name, Feed::<T>::CAPACITY).into_diagnostic()
+}
+
+impl Tick for VirtualLaboratory {
+    fn tick(&mut self, now: Time) {
+        while let Some(mask) = self.valves.pop() {
+            self.laboratory.set_valves(mask);
+        }
+        let from = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        while let Some(command) = self.commands.pop() {
+            self.laboratory.command_link(command.link, from, &command.bytes);
+        }
+        self.laboratory.step_to(now.ns(), &mut self.wires);
+        if now.ns() >= self.next_truth_ns {
+            self.next_truth_ns += TRUTH_PERIOD_NS;
+            self.truth.publish(self.laboratory.truth());
+            self.truth.flush(now);
+        }
+    }
+}
+
+impl DeviceOutputs for Wires {
+    fn vicon(&mut self, time_ns: u64, datagram: &[u8]) {
+        if let Some(packet) = decode_vicon(datagram, &self.names, time_ns) {
+            self.vicon.force_push(packet);
+        }
+    }
+
+    fn gyro(&mut self, time_ns: u64, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(reading) = self.decoder.push(byte) {
+                self.gyro.force_push(gyro_packet(reading, time_ns));
+            }
+        }
+    }
+
+    fn link(&mut self, time_ns: u64, _link: usize, _to: SocketAddr, datagram: &[u8]) {
+        self.telemetry.force_push(TelemetryDatagram::new(time_ns, datagram));
+    }
+}

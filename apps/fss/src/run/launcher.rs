@@ -1,0 +1,253 @@
+//! The launcher: starts the services of a launch file as processes, watches them, restarts what dies, stops them in order.
+
+use super::stack::Stack;
+use fss_bus::launch::Schedule;
+use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
+use fss_messages::{Event, MissionState, topic};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use std::io::Read;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How often the launcher looks after its children.
+const WATCH_PERIOD: Duration = Duration::from_millis(5);
+/// A service that ends within this time of its first start could not start: the run is given up, with its reason.
+const START_TIME: Duration = Duration::from_millis(1500);
+/// First pause before a restart; it doubles with each restart of the same service.
+const FIRST_PAUSE: Duration = Duration::from_millis(10);
+/// Longest pause before a restart.
+const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+/// How long a service may take to stop before it is killed.
+const STOP_TIME: Duration = Duration::from_secs(3);
+
+/// How a run of processes ended.
+#[derive(Debug, Default)]
+pub struct Flown {
+    /// The last state of the mission.
+    pub mission: Option<MissionState>,
+    /// Restarts of all services together.
+    pub restarts: u32,
+    /// Whether a person or the system asked to stop.
+    pub interrupted: bool,
+    /// What iceoryx2 still held of dead processes when all had ended.
+    pub dead_nodes_removed: usize,
+}
+
+/// Where and as what the children run.
+pub struct Site {
+    /// The run's folder, with plant.toml, launch.toml and mission.toml.
+    pub folder: PathBuf,
+    /// Prefix of the stack in shared memory.
+    pub bus_prefix: String,
+    /// Seed of the simulated laboratory.
+    pub seed: u64,
+}
+
+/// One supervised process.
+struct Member {
+    schedule: Schedule,
+    child: Option<Child>,
+    said: Arc<Mutex<String>>,
+    started: Instant,
+    starts: u32,
+    restart_at: Option<Instant>,
+    pause: Duration,
+}
+
+/// Flies the stack as processes until its mission ends or `stop` is set; calls `progress` now and then.
+///
+/// # Errors
+/// Where a service cannot start; whatever happens, no process and no shared memory is left behind.
+pub fn fly(stack: &Stack, site: &Site, stop: &AtomicBool, mut progress: impl FnMut(&MissionState)) -> Result<Flown> {
+    let mut supervisor = Supervisor::join(stack, site)?;
+    let flight = supervisor.fly(stop, &mut progress);
+    supervisor.stop_all();
+    let mut flown = std::mem::take(&mut supervisor.flown);
+    drop(supervisor);
+    let cleaned = fss_bus::remove_dead_nodes(&site.bus_prefix, true).into_diagnostic();
+    flight?;
+    flown.dead_nodes_removed = cleaned?;
+    Ok(flown)
+}
+
+struct Supervisor<'a> {
+    site: &'a Site,
+    members: Vec<Member>,
+    mission: Latest<MissionState>,
+    events: Output<Event>,
+    flown: Flown,
+}
+
+impl<'a> Supervisor<'a> {
+    fn join(stack: &Stack, site: &'a Site) -> Result<Self> {
+        let config = SharedConfig { node: "launcher".to_owned(), prefix: site.bus_prefix.clone() };
+        let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
+        let members = stack.launch.services.iter().cloned().map(Member::new).collect();
+        Ok(Self {
+            site,
+            members,
+            mission: Latest::open(&bus, topic::MISSION_STATE).into_diagnostic()?,
+            events: Output::open(&bus, topic::EVENTS).into_diagnostic()?,
+            flown: Flown::default(),
+        })
+    }
+
+    fn fly(&mut self, stop: &AtomicBool, progress: &mut impl FnMut(&MissionState)) -> Result<()> {
+        for member in &mut self.members {
+            member.start(self.site)?;
+        }
+        loop {
+            if stop.load(Ordering::Relaxed) {
+                self.flown.interrupted = true;
+                self.say(Event::WARNING, format_args!("stopped on request"));
+                return Ok(());
+            }
+            self.watch()?;
+            self.mission.refresh();
+            if let Some(mission) = self.mission.fresh() {
+                progress(mission);
+                self.flown.mission = Some(*mission);
+                if mission.state == MissionState::DONE || mission.state == MissionState::ABORTED {
+                    return Ok(());
+                }
+            }
+            std::thread::sleep(WATCH_PERIOD);
+        }
+    }
+
+    /// Restarts what has died.
+    fn watch(&mut self) -> Result<()> {
+        for i in 0..self.members.len() {
+            if let Some(status) = self.members[i].ended().into_diagnostic()? {
+                self.bury(i, status)?;
+            }
+            let member = &mut self.members[i];
+            if member.restart_at.is_some_and(|at| Instant::now() >= at) {
+                member.start(self.site)?;
+                self.flown.restarts += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn bury(&mut self, i: usize, status: ExitStatus) -> Result<()> {
+        let member = &mut self.members[i];
+        let name = member.schedule.name.get_ref().clone();
+        let said = std::mem::take(&mut *member.said.lock().unwrap_or_else(PoisonError::into_inner));
+        if member.starts == 1 && status.signal().is_none() && member.started.elapsed() < START_TIME {
+            return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' could not start")));
+        }
+        if !member.schedule.restart {
+            return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' ended ({status})")));
+        }
+        member.restart_at = Some(Instant::now() + member.pause);
+        let pause_ms = member.pause.as_millis();
+        member.pause = (2 * member.pause).min(LONGEST_PAUSE);
+        self.say(Event::ERROR, format_args!("{name} ended ({status}), restart in {pause_ms} ms"));
+        Ok(())
+    }
+
+    fn say(&mut self, severity: u8, message: std::fmt::Arguments<'_>) {
+        let now = realtime::now().unwrap_or_else(|_| Time::from_ns(0));
+        self.events.publish(Event::new(now.ns(), "launcher", severity, message));
+        self.events.flush(now);
+    }
+
+    /// Stops everything in the opposite order of its start, so that the recorder, started first, hears all.
+    fn stop_all(&mut self) {
+        for member in self.members.iter_mut().rev() {
+            member.stop();
+        }
+    }
+}
+
+impl Drop for Supervisor<'_> {
+    fn drop(&mut self) {
+        self.stop_all();
+    }
+}
+
+impl Member {
+    fn new(schedule: Schedule) -> Self {
+        Self {
+            schedule,
+            child: None,
+            said: Arc::default(),
+            started: Instant::now(),
+            starts: 0,
+            restart_at: None,
+            pause: FIRST_PAUSE,
+        }
+    }
+
+    fn start(&mut self, site: &Site) -> Result<()> {
+        let name = self.schedule.name.get_ref();
+        self.starts += 1;
+        self.started = Instant::now();
+        self.restart_at = None;
+        let program = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program's own file")?;
+        let mut command = Command::new(program);
+        if name == "lab" {
+            command.arg("lab").arg("--seed").arg(site.seed.to_string());
+        } else {
+            command.arg("service").arg(name);
+        }
+        command
+            .arg("--supervised")
+            .arg("--run")
+            .arg(&site.folder)
+            .arg("--bus")
+            .arg(&site.bus_prefix)
+            .arg("--starts")
+            .arg(self.starts.to_string())
+            // A child hears of its launcher's death by the end of its standard input, and of Ctrl-C only through it.
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .process_group(0);
+        let mut child = command.spawn().into_diagnostic().wrap_err_with(|| format!("cannot start service '{name}'"))?;
+        if let Some(mut stderr) = child.stderr.take() {
+            let said = self.said.clone();
+            std::thread::spawn(move || {
+                let mut buffer = [0; 4096];
+                while let Ok(n @ 1..) = stderr.read(&mut buffer) {
+                    let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+                    said.push_str(&String::from_utf8_lossy(&buffer[..n]));
+                }
+            });
+        }
+        self.child = Some(child);
+        Ok(())
+    }
+
+    /// Its exit status, once, if it has ended.
+    fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
+        let Some(child) = &mut self.child else { return Ok(None) };
+        let status = child.try_wait()?;
+        if status.is_some() {
+            self.child = None;
+            std::thread::sleep(Duration::from_millis(20)); // let its last words arrive
+        }
+        Ok(status)
+    }
+
+    fn stop(&mut self) {
+        self.restart_at = None;
+        let Some(mut child) = self.child.take() else { return };
+        drop(child.stdin.take()); // the word to stop
+        let asked = Instant::now();
+        while asked.elapsed() < STOP_TIME {
+            if matches!(child.try_wait(), Ok(Some(_)) | Err(_)) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        // It hangs: nothing is lost by killing it that waiting would save.
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}

@@ -1,0 +1,193 @@
+//! `fss run`, `fss service` and `fss lab`: flying a mission, in real time or as fast as the machine allows.
+
+mod fast;
+mod launcher;
+mod processes;
+mod stack;
+mod summary;
+
+use clap::Args;
+use fss_messages::MissionState;
+use fss_records::log::Log;
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use stack::Stack;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use summary::Summary;
+
+/// Fly a mission.
+#[derive(Args)]
+pub struct RunArgs {
+    /// A mission that comes with fss (hold, slew, reach, zero-reaction) or a mission file.
+    #[arg(default_value = "zero-reaction")]
+    mission: String,
+    /// Launch file: rates, priorities, cores, devices.
+    #[arg(long, value_name = "FILE")]
+    launch: Option<PathBuf>,
+    /// Plant file: the vehicle and its laboratory.
+    #[arg(long, value_name = "FILE")]
+    plant: Option<PathBuf>,
+    /// Fly in one process on a virtual clock, as fast as the machine allows; the same seed gives the same bytes.
+    #[arg(long)]
+    fast: bool,
+    /// Folder for run.mcap and summary.json; out/MISSION where absent.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Seed of everything random in the laboratory.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Show no progress.
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Run one service.
+#[derive(Args)]
+pub struct ServiceArgs {
+    /// The service: recorder, thrusters, fusion, links, arm, base or mission.
+    name: String,
+    #[command(flatten)]
+    site: SiteArgs,
+}
+
+/// Run the simulated laboratory.
+#[derive(Args)]
+pub struct LabArgs {
+    /// Seed of everything random in it.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    site: SiteArgs,
+}
+
+/// Where a single process finds its stack.
+#[derive(Args)]
+pub struct SiteArgs {
+    /// Folder of the run: holds launch.toml, plant.toml and mission.toml, and receives what the process writes.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    run: PathBuf,
+    /// Prefix of the stack in shared memory.
+    #[arg(long, default_value = "fss_")]
+    bus: String,
+    /// How often this process has been started in this run.
+    #[arg(long, default_value_t = 1, hide = true)]
+    starts: u32,
+    /// Stop when standard input ends, as the launcher wants it.
+    #[arg(long, hide = true)]
+    supervised: bool,
+}
+
+/// The log's name in a run's folder.
+const LOG_FILE: &str = "run.mcap";
+
+/// Flies a mission and says what happened.
+pub fn run(args: &RunArgs) -> Result<()> {
+    let stack = Stack::load(args.launch.as_deref(), args.plant.as_deref(), &args.mission)?;
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(&stack.mission_name));
+    std::fs::create_dir_all(&folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))?;
+    let folder = folder.canonicalize().into_diagnostic()?;
+    stack.write_to(&folder)?;
+
+    let bar = progress_bar(&stack, args.quiet);
+    let show = |mission: &MissionState| show_progress(&bar, &stack, mission);
+    if args.fast {
+        fast::fly(&stack, &folder.join(LOG_FILE), args.seed, show)?;
+    } else {
+        let site = launcher::Site {
+            bus_prefix: format!("fss_{}_", std::process::id()),
+            folder: folder.clone(),
+            seed: args.seed,
+        };
+        make_link_key(&stack, &folder)?;
+        let stop = stop_on_signal()?;
+        let flown = launcher::fly(&stack, &site, &stop, show)?;
+        if flown.interrupted {
+            bar.abandon_with_message("stopped");
+        }
+    }
+    bar.finish_and_clear();
+    let log = Log::open(&folder.join(LOG_FILE)).into_diagnostic()?;
+    let summary = Summary::of(&log, &stack.mission_name, &stack.launch.vehicle).into_diagnostic()?;
+    let path = folder.join("summary.json");
+    std::fs::write(&path, serde_json::to_string_pretty(&summary).into_diagnostic()?)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+    summary.print();
+    println!("log                {}", folder.join(LOG_FILE).display());
+    if summary.outcome == "aborted" {
+        return Err(miette!("the mission was aborted; the events above and `fss log info` say why"));
+    }
+    Ok(())
+}
+
+/// Runs one service as a process.
+pub fn service(args: &ServiceArgs) -> Result<()> {
+    processes::service(&args.name, &args.site)
+}
+
+/// Runs the simulated laboratory as a process.
+pub fn lab(args: &LabArgs) -> Result<()> {
+    processes::lab(args.seed, &args.site)
+}
+
+/// Makes a key for the links of this run, where the launch file names one in the run's folder and none is there.
+fn make_link_key(stack: &Stack, folder: &Path) -> Result<()> {
+    use std::os::unix::fs::OpenOptionsExt;
+    let Some(name) = stack.launch.devices.link_key.as_ref().filter(|name| name.is_relative()) else { return Ok(()) };
+    let path = folder.join(name);
+    if path.exists() {
+        return Ok(());
+    }
+    let say = || format!("cannot make the link key {}", path.display());
+    let mut secret = [0; 32];
+    File::open("/dev/urandom")
+        .and_then(|mut random| random.read_exact(&mut secret))
+        .into_diagnostic()
+        .wrap_err_with(say)?;
+    let file = File::options().write(true).create_new(true).mode(0o600).open(&path);
+    file.and_then(|mut file| file.write_all(&secret)).into_diagnostic().wrap_err_with(say)
+}
+
+/// A flag that Ctrl-C and termination set.
+fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, stop.clone()).into_diagnostic()?;
+    }
+    Ok(stop)
+}
+
+fn progress_bar(stack: &Stack, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new((stack.mission.duration_s() * 10.0) as u64);
+    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:40}] {elapsed_precise} {msg}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.set_prefix(stack.mission_name.clone());
+    bar
+}
+
+fn show_progress(bar: &ProgressBar, stack: &Stack, mission: &MissionState) {
+    match mission.state {
+        MissionState::WAITING => bar.set_message("waiting for navigation and links"),
+        MissionState::RUNNING => {
+            let in_phase_s = mission.stamp_ns.saturating_sub(mission.phase_start_ns) as f64 * 1e-9;
+            let before_s = stack
+                .mission
+                .phases
+                .iter()
+                .take(mission.phase as usize)
+                .map(|p| p.duration_s + p.settle_s)
+                .sum::<f64>();
+            bar.set_position(((before_s + in_phase_s) * 10.0) as u64);
+            bar.set_message(format!("phase {} of {}", mission.phase + 1, mission.phase_count));
+        }
+        _ => {}
+    }
+}

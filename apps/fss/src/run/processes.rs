@@ -1,0 +1,259 @@
+//! One process of a stack: a service with its devices, or the laboratory.
+
+use super::SiteArgs;
+use super::stack::Stack;
+use super::{LOG_FILE, stop_on_signal};
+use fss_arm::{ArmConfig, ArmService};
+use fss_base::{Base, BaseConfig};
+use fss_bus::launch::{Launch, Schedule};
+use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, process, realtime};
+use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
+use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
+use fss_lab::process::{Addresses, Process};
+use fss_lab::{LabConfig, Start};
+use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
+use fss_messages::{MAX_LINKS, topic};
+use fss_mission::{Mission, MissionConfig, MissionService};
+use fss_plant::Physics;
+use fss_recorder::Recorder;
+use fss_records::log::LogWriter;
+use fss_thrusters::device::{LaboratoryLine, Valves};
+use fss_thrusters::{Thrusters, VALVES_QUEUE};
+use fss_wire::link::{Key, first_sequence};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// What every process of a stack has.
+struct Site {
+    stack: Stack,
+    launch: Launch,
+    bus: Bus,
+    stop: Arc<AtomicBool>,
+    starts: u32,
+}
+
+impl Site {
+    fn open(name: &str, args: &SiteArgs) -> Result<Self> {
+        let stack = Stack::in_folder(&args.run)?;
+        let stop = stop_on_signal()?;
+        if args.supervised {
+            stop_with_standard_input(stop.clone());
+        }
+        let node = format!("{name}-{}", std::process::id());
+        let bus = Bus::shared(&SharedConfig { node, prefix: args.bus.clone() }).into_diagnostic()?;
+        let bus = bus.for_vehicle(&stack.launch.vehicle);
+        let launch = stack.launch.clone().in_folder(&args.run);
+        Ok(Self { stack, launch, bus, stop, starts: args.starts })
+    }
+
+    fn schedule(&self, name: &str) -> Result<Schedule> {
+        self.launch
+            .schedule(name)
+            .cloned()
+            .ok_or_else(|| miette!("the launch file has no [[service]] named '{name}'; add one with its rate_hz"))
+    }
+
+    fn fly<S: Service>(&self, service: S, after_step: impl FnMut()) -> Result<S> {
+        let schedule = self.schedule(S::NAME)?;
+        let mut runner = Runner::new(service, &self.bus).into_diagnostic()?;
+        process::run(&mut runner, &self.bus, &schedule, self.starts, &self.stop, after_step).into_diagnostic()?;
+        Ok(runner.service)
+    }
+
+    fn queue<T: Send + 'static>(&self, name: &'static str) -> Result<Queue<T>> {
+        self.bus.queue(name, fss_bus::Feed::<T>::CAPACITY).into_diagnostic()
+    }
+
+    fn link_key(&self) -> Result<Key> {
+        let path =
+            self.launch.devices.link_key.as_deref().ok_or_else(|| miette!("the launch file names no link_key"))?;
+        read_key(path)
+    }
+}
+
+/// Runs one service until it is told to stop.
+pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
+    let site = Site::open(name, args)?;
+    let rate_hz = *site.schedule(name)?.rate_hz.get_ref();
+    let plant = &site.stack.plant;
+    match name {
+        "recorder" => return recorder(&site, args),
+        "fusion" => return fusion(&site),
+        "links" => return links(&site),
+        "thrusters" => return thrusters(&site),
+        "base" => {
+            let model = Physics::nominal(plant).model(0.0).into_diagnostic()?;
+            site.fly(Base::new(BaseConfig::from_plant(plant, model, rate_hz)), || ())?;
+        }
+        "arm" => {
+            site.fly(ArmService::new(ArmConfig::new(plant).into_diagnostic()?), || ())?;
+        }
+        "mission" => {
+            site.fly(MissionService::new(site.stack.mission.clone(), MissionConfig::default()), || ())?;
+        }
+        _ => miette::bail!("there is no service '{name}'; `fss service --help` lists them"),
+    }
+    Ok(())
+}
+
+fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
+    // A recorder that was restarted begins a log of its own; the first one's is readable to its last chunk.
+    let name = if args.starts > 1 { format!("run-{}.mcap", args.starts) } else { LOG_FILE.to_owned() };
+    let mut log = LogWriter::create(&args.run.join(name)).into_diagnostic()?;
+    describe(&mut log, &site.stack, "real time")?;
+    let recorder = site.fly(Recorder::new(log), || ())?;
+    recorder.finish().into_diagnostic()
+}
+
+/// Puts the stack's files and the facts of the build and the host into a log.
+pub fn describe(log: &mut LogWriter, stack: &Stack, clock: &str) -> Result<()> {
+    for (name, text) in
+        [("plant.toml", &stack.plant_text), ("launch.toml", &stack.launch_text), ("mission.toml", &stack.mission_text)]
+    {
+        log.attach(name, "application/toml", text).into_diagnostic()?;
+    }
+    let mut facts = BTreeMap::from([
+        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ("clock".to_owned(), clock.to_owned()),
+    ]);
+    if clock == "real time" {
+        let unix_ns = unix_time_ns()?;
+        let monotonic_ns = realtime::now().into_diagnostic()?.ns();
+        facts.insert("unix_minus_monotonic_ns".to_owned(), unix_ns.saturating_sub(monotonic_ns).to_string());
+        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+        facts.insert("host".to_owned(), host.trim().to_owned());
+        let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+        facts.insert("kernel".to_owned(), kernel.trim().to_owned());
+    }
+    log.metadata("fss", facts).into_diagnostic()
+}
+
+fn fusion(site: &Site) -> Result<()> {
+    let devices = &site.launch.devices;
+    let vicon = receive_vicon(devices.vicon, ObjectNames::default(), site.queue(VICON_QUEUE)?, site.stop.clone())
+        .into_diagnostic()
+        .wrap_err_with(|| format!("motion capture: cannot receive at {} ([devices] vicon)", devices.vicon))?;
+    let path = &devices.gyro;
+    let gyro = wait_for_device(path, || read_gyro(path, site.queue(GYRO_QUEUE)?, site.stop.clone()).into_diagnostic())
+        .wrap_err_with(|| format!("gyro: cannot open {} ([devices] gyro)", path.display()))?;
+    site.fly(Fusion::new(FusionConfig::from_plant(&site.stack.plant)), || ())?;
+    for thread in [vicon, gyro] {
+        thread.join().map_err(|_| miette!("a device thread of fusion failed"))?;
+    }
+    Ok(())
+}
+
+fn links(site: &Site) -> Result<()> {
+    let devices = &site.launch.devices;
+    let (telemetry, commands) = (site.queue(TELEMETRY_QUEUE)?, site.queue(COMMAND_QUEUE)?);
+    let _device = fss_links::device::Device::start(devices.links_local, devices.links.clone(), telemetry, commands)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("links: cannot speak from {} ([devices] links_local)", devices.links_local))?;
+    let first = first_sequence(unix_time_ns()?);
+    site.fly(LinksService::new(LinksConfig::new(&site.stack.plant), site.link_key()?, first), || ())?;
+    Ok(())
+}
+
+fn thrusters(site: &Site) -> Result<()> {
+    let path = &site.launch.devices.valves;
+    let mut line = LaboratoryLine::new(path);
+    wait_for_device(path, || line.set(0).into_diagnostic())
+        .wrap_err_with(|| format!("valves: cannot open {} ([devices] valves)", path.display()))?;
+    let masks: Queue<u16> = site.queue(VALVES_QUEUE)?;
+    // The valve line is this service's device: it is written in the loop, so that nothing stands between step and valve.
+    // A write that fails shuts the valves on the other side; the next step connects anew.
+    let count = site.stack.plant.thrusters.len();
+    site.fly(Thrusters::new(count), || {
+        while let Some(mask) = masks.pop() {
+            let _ = line.set(mask);
+        }
+    })?;
+    line.set(0).into_diagnostic().wrap_err("valves: cannot shut them at the end; a closed line shuts them")
+}
+
+/// Runs the laboratory until it is told to stop.
+pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
+    let site = Site::open("lab", args)?;
+    let schedule = site.schedule("lab")?;
+    let mut config = LabConfig::new(seed, site.link_key()?);
+    config.start = start_of(&site.stack.mission);
+    let devices = &site.launch.devices;
+    let addresses = Addresses {
+        vicon: devices.vicon,
+        gyro: devices.gyro.clone(),
+        valves: devices.valves.clone(),
+        links: devices.links.clone(),
+    };
+    let mut laboratory = Process::open(&site.stack.plant, config, &addresses).into_diagnostic()?;
+    let mut truth = Output::open(&site.bus, topic::TRUTH_STATE).into_diagnostic()?;
+    realtime::enter(&schedule);
+    laboratory
+        .run(&site.stop, |state| {
+            truth.publish(*state);
+            truth.flush(fss_bus::Time::from_ns(state.stamp_ns));
+        })
+        .into_diagnostic()
+}
+
+/// Where the laboratory starts for a mission.
+pub fn start_of(mission: &Mission) -> Start {
+    let initial = &mission.initial;
+    let joints = |values: &[f64]| std::array::from_fn::<_, MAX_LINKS, _>(|i| values.get(i).copied().unwrap_or(0.0));
+    Start {
+        pose: initial.base_pose,
+        velocity: initial.base_rate,
+        q_rad: joints(&initial.q_rad),
+        qd_rad_s: joints(&initial.qd_rad_s),
+    }
+}
+
+/// Opens a device that another process of the stack may be about to make.
+fn wait_for_device<T>(path: &Path, mut open: impl FnMut() -> Result<T>) -> Result<T> {
+    let tries = 50;
+    for _ in 1..tries {
+        if path.exists()
+            && let Ok(device) = open()
+        {
+            return Ok(device);
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    open()
+}
+
+/// The key that authenticates commands to the links; only its owner may read it.
+fn read_key(path: &Path) -> Result<Key> {
+    use std::os::unix::fs::PermissionsExt;
+    let say = || format!("link key {} ([devices] link_key)", path.display());
+    let mode = std::fs::metadata(path).into_diagnostic().wrap_err_with(say)?.permissions().mode();
+    if mode & 0o077 != 0 {
+        return Err(miette!(
+            help = format!("chmod 600 {}", path.display()),
+            "others may read it (mode {:o})",
+            mode & 0o777
+        )
+        .wrap_err(say()));
+    }
+    let secret = std::fs::read(path).into_diagnostic().wrap_err_with(say)?;
+    Key::new(&secret).into_diagnostic().wrap_err_with(say)
+}
+
+fn unix_time_ns() -> Result<u64> {
+    let since =
+        SystemTime::now().duration_since(UNIX_EPOCH).into_diagnostic().wrap_err("the calendar clock is unset")?;
+    Ok(since.as_nanos() as u64)
+}
+
+/// Sets `stop` when standard input ends: the launcher's word, or its death.
+fn stop_with_standard_input(stop: Arc<AtomicBool>) {
+    std::thread::spawn(move || {
+        let mut byte = [0];
+        while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
+        stop.store(true, Ordering::Relaxed);
+    });
+}

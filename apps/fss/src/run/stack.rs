@@ -1,0 +1,146 @@
+//! A stack as its three files describe it: launch file, plant file, mission file.
+
+use crate::files::{FileError, TextFile};
+use fss_bus::launch::Launch;
+use fss_mission::Mission;
+use fss_plant::Plant;
+use miette::{IntoDiagnostic, Result, WrapErr};
+use std::path::{Path, PathBuf};
+
+/// The services that a launch file may name.
+pub const SERVICES: &[&str] = &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission"];
+
+/// Missions that come with the program.
+pub const MISSIONS: &[(&str, &str)] = &[
+    ("hold", include_str!("../../../../deploy/etc/missions/hold.toml")),
+    ("slew", include_str!("../../../../deploy/etc/missions/slew.toml")),
+    ("reach", include_str!("../../../../deploy/etc/missions/reach.toml")),
+    ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
+];
+
+const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.toml");
+const DEFAULT_PLANT: &str = include_str!("../../../../deploy/etc/plants/fss.toml");
+
+/// Names of the three files in a run's folder.
+const LAUNCH_FILE: &str = "launch.toml";
+const PLANT_FILE: &str = "plant.toml";
+const MISSION_FILE: &str = "mission.toml";
+
+/// A stack's files and what they say.
+pub struct Stack {
+    /// Rates, priorities, devices.
+    pub launch: Launch,
+    /// The vehicle and its laboratory.
+    pub plant: Plant,
+    /// What to fly.
+    pub mission: Mission,
+    /// The mission's short name.
+    pub mission_name: String,
+    /// The launch file's text.
+    pub launch_text: String,
+    /// The plant file's text.
+    pub plant_text: String,
+    /// The mission file's text.
+    pub mission_text: String,
+}
+
+impl Stack {
+    /// Reads and checks the files; the program's own where none is named.
+    ///
+    /// # Errors
+    /// Names the file, the line and what to do.
+    pub fn load(launch: Option<&Path>, plant: Option<&Path>, mission: &str) -> Result<Self> {
+        let launch_file = file_or(launch, "launch file", "lab.toml", DEFAULT_LAUNCH)?;
+        let plant_file = file_or(plant, "plant file", "fss.toml", DEFAULT_PLANT)?;
+        let (mission_name, mission_file) = mission_file(mission)?;
+        Self::parse(&launch_file, &plant_file, &mission_file, mission_name)
+    }
+
+    /// Reads the files that a launcher left in a run's folder.
+    ///
+    /// # Errors
+    /// Names the file, the line and what to do.
+    pub fn in_folder(folder: &Path) -> Result<Self> {
+        let read = |name: &str, what| TextFile::read(&folder.join(name), what);
+        Self::parse(
+            &read(LAUNCH_FILE, "launch file")?,
+            &read(PLANT_FILE, "plant file")?,
+            &read(MISSION_FILE, "mission file")?,
+            String::new(),
+        )
+    }
+
+    fn parse(
+        launch_file: &TextFile,
+        plant_file: &TextFile,
+        mission_file: &TextFile,
+        mission_name: String,
+    ) -> Result<Self> {
+        let launch =
+            Launch::parse(&launch_file.text, SERVICES).map_err(|e| launch_file.error(e.message, e.help, e.span))?;
+        let plant = Plant::parse(&plant_file.text).map_err(|e| plant_file.error(e.message, e.help, Some(e.span)))?;
+        let mission = Mission::parse_for(&mission_file.text, &plant)
+            .map_err(|e| mission_file.error(e.message, e.help, Some(e.span)))?;
+        if launch.devices.links.len() != plant.link_count() {
+            let message = format!(
+                "the launch file gives {} link addresses, but the plant has {} links",
+                launch.devices.links.len(),
+                plant.link_count()
+            );
+            let help =
+                format!("give [devices] links = [...] one address for each [[link]] of {}", plant_file.path.display());
+            return Err(launch_file.error(message, help, None).into());
+        }
+        Ok(Self {
+            launch,
+            plant,
+            mission,
+            mission_name,
+            launch_text: launch_file.text.clone(),
+            plant_text: plant_file.text.clone(),
+            mission_text: mission_file.text.clone(),
+        })
+    }
+
+    /// Writes the three files into a run's folder.
+    ///
+    /// # Errors
+    /// Where the folder refuses.
+    pub fn write_to(&self, folder: &Path) -> Result<()> {
+        for (name, text) in
+            [(LAUNCH_FILE, &self.launch_text), (PLANT_FILE, &self.plant_text), (MISSION_FILE, &self.mission_text)]
+        {
+            let path = folder.join(name);
+            std::fs::write(&path, text)
+                .into_diagnostic()
+                .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+fn file_or(path: Option<&Path>, what: &str, own_name: &str, own_text: &str) -> Result<TextFile, FileError> {
+    match path {
+        Some(path) => TextFile::read(path, what),
+        None => Ok(TextFile { path: PathBuf::from(format!("built-in {own_name}")), text: own_text.to_owned() }),
+    }
+}
+
+/// A mission by the name of one that comes with the program, or by its file.
+fn mission_file(mission: &str) -> Result<(String, TextFile)> {
+    if let Some((name, text)) = MISSIONS.iter().find(|(name, _)| *name == mission) {
+        let path = PathBuf::from(format!("built-in {name}.toml"));
+        return Ok(((*name).to_owned(), TextFile { path, text: (*text).to_owned() }));
+    }
+    let path = Path::new(mission);
+    if !path.exists() {
+        let names: Vec<_> = MISSIONS.iter().map(|(name, _)| *name).collect();
+        miette::bail!(
+            help =
+                format!("the missions that come with fss are {}; or give the path of a mission file", names.join(", ")),
+            "there is no mission '{mission}', neither built in nor as a file"
+        );
+    }
+    let name = path.file_stem().map_or_else(|| mission.to_owned(), |stem| stem.to_string_lossy().into_owned());
+    Ok((name, TextFile::read(path, "mission file")?))
+}

@@ -1,0 +1,259 @@
+//! What happened in a run, told from its log alone.
+
+use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
+use fss_records::log::{Log, LogError};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A run's figures; what is not in the log is absent.
+#[derive(Debug, Serialize)]
+pub struct Summary {
+    /// `fss-summary/1`.
+    pub format: &'static str,
+    /// The mission's name.
+    pub mission: String,
+    /// `done`, `aborted`, or `unfinished`.
+    pub outcome: &'static str,
+    /// From the first to the last record, s.
+    pub duration_s: f64,
+    /// Topics with counts and rates.
+    pub topics: Vec<Topic>,
+    /// How far the base turned while the arm worked: at the end and at most, degrees.
+    pub base_rotation_deg: Option<Rotation>,
+    /// The end-effector's motion and error.
+    pub end_effector: Option<EndEffector>,
+    /// Navigation against truth.
+    pub navigation: Option<Navigation>,
+    /// Gas used, kg.
+    pub gas_used_kg: Option<f64>,
+    /// Each service's cycles and overruns.
+    pub services: BTreeMap<String, ServiceFigures>,
+    /// Warnings and worse.
+    pub warnings: Vec<String>,
+}
+
+/// One topic.
+#[derive(Debug, Serialize)]
+pub struct Topic {
+    /// Its name.
+    pub topic: String,
+    /// Messages in the log.
+    pub count: u64,
+    /// Messages a second.
+    pub rate_hz: Option<f64>,
+}
+
+/// How far the base turned, from the truth.
+#[derive(Debug, Serialize)]
+pub struct Rotation {
+    /// At the end of the mission less at its start, degrees.
+    pub end_deg: f64,
+    /// The largest deviation from the start, degrees.
+    pub max_deg: f64,
+}
+
+/// What the end-effector did, from the truth.
+#[derive(Debug, Serialize)]
+pub struct EndEffector {
+    /// Distance between its first and last position, m.
+    pub moved_m: f64,
+    /// Distance from the commanded goal at the end, m; absent where no Cartesian task was flown.
+    pub final_error_m: Option<f64>,
+    /// Largest distance from the commanded path, m.
+    pub max_error_m: Option<f64>,
+}
+
+/// Root mean square of navigation less truth.
+#[derive(Debug, Serialize)]
+pub struct Navigation {
+    /// Of the position, m.
+    pub position_rms_m: f64,
+    /// Of the heading, degrees.
+    pub heading_rms_deg: f64,
+    /// Largest position error, m.
+    pub position_max_m: f64,
+}
+
+/// How a service kept its rate.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct ServiceFigures {
+    /// Steps.
+    pub cycles: u64,
+    /// Steps that ended after their deadline.
+    pub overruns: u64,
+    /// Boundaries skipped.
+    pub skipped: u64,
+    /// Samples that could not be sent.
+    pub dropped: u64,
+    /// Starts.
+    pub starts: u32,
+}
+
+impl Summary {
+    /// Reads the figures from a log whose topics carry `vehicle` in front.
+    ///
+    /// # Errors
+    /// Where the log does not hold this build's samples.
+    pub fn of(log: &Log, mission: &str, vehicle: &str) -> Result<Self, LogError> {
+        let name = |topic: &str| if vehicle.is_empty() { topic.to_owned() } else { format!("/{vehicle}{topic}") };
+        let truth: Vec<TruthState> = log.samples(&name(topic::TRUTH_STATE.name))?;
+        let nav: Vec<NavState> = log.samples(&name(topic::NAV_STATE.name))?;
+        let mission_states: Vec<MissionState> = log.samples(&name(topic::MISSION_STATE.name))?;
+        let arm: Vec<ArmCommand> = log.samples(&name(topic::ARM_COMMAND.name))?;
+        let topics = log.topics()?;
+        let first_ns = topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
+        let last_ns = topics.iter().map(|t| t.last_ns).max().unwrap_or(0);
+        let flown = during_mission(&truth, &mission_states);
+        Ok(Self {
+            format: "fss-summary/1",
+            mission: mission.to_owned(),
+            outcome: outcome(&mission_states),
+            duration_s: (last_ns - first_ns) as f64 * 1e-9,
+            base_rotation_deg: rotation(flown),
+            end_effector: end_effector(flown, &arm),
+            navigation: navigation(&nav, &truth),
+            gas_used_kg: truth.last().map(|t| t.gas_used_kg),
+            services: services(&log.samples(&name(topic::HEALTH.name))?),
+            warnings: warnings(&log.samples(&name(topic::EVENTS.name))?, first_ns),
+            topics: topics
+                .into_iter()
+                .map(|t| Topic { rate_hz: t.rate_hz(), topic: t.topic, count: t.count })
+                .collect(),
+        })
+    }
+
+    /// The short table for a person.
+    pub fn print(&self) {
+        println!("\n{:<26} {:>8} {:>10}", "topic", "count", "rate Hz");
+        for t in &self.topics {
+            println!("{:<26} {:>8} {:>10}", t.topic, t.count, number(t.rate_hz, 1.0, 2));
+        }
+        println!("\nmission            {} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s);
+        if let Some(r) = &self.base_rotation_deg {
+            println!("base rotation      {:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg);
+        }
+        if let Some(e) = &self.end_effector {
+            let error = number(e.final_error_m, 1e3, 2);
+            let worst = number(e.max_error_m, 1e3, 2);
+            println!("end-effector       moved {:.4} m, error {error} mm at the end, {worst} mm at most", e.moved_m);
+        }
+        if let Some(n) = &self.navigation {
+            let (p, h) = (n.position_rms_m * 1e3, n.heading_rms_deg);
+            println!("navigation error   {p:.3} mm and {h:.4} deg RMS against truth");
+        }
+        println!("gas used           {} g", number(self.gas_used_kg, 1e3, 2));
+        let total = |f: fn(&ServiceFigures) -> u64| self.services.values().map(f).sum::<u64>();
+        println!(
+            "overruns           {} of {} cycles, {} boundaries skipped",
+            total(|s| s.overruns),
+            total(|s| s.cycles),
+            total(|s| s.skipped)
+        );
+        for warning in &self.warnings {
+            println!("warning            {warning}");
+        }
+    }
+}
+
+fn number(value: Option<f64>, scale: f64, digits: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |v| format!("{:.digits$}", v * scale))
+}
+
+fn outcome(states: &[MissionState]) -> &'static str {
+    match states.last().map(|s| s.state) {
+        Some(MissionState::DONE) => "done",
+        Some(MissionState::ABORTED) => "aborted",
+        _ => "unfinished",
+    }
+}
+
+/// The truth from when the mission began to fly its phases.
+fn during_mission<'a>(truth: &'a [TruthState], mission: &[MissionState]) -> &'a [TruthState] {
+    let Some(start) = mission.iter().find(|m| m.state == MissionState::RUNNING) else { return &[] };
+    let from = truth.partition_point(|t| t.stamp_ns < start.stamp_ns);
+    &truth[from..]
+}
+
+fn rotation(truth: &[TruthState]) -> Option<Rotation> {
+    let start = truth.first()?.theta_rad;
+    let turned = |t: &TruthState| (t.theta_rad - start).to_degrees();
+    let max_deg = truth.iter().map(|t| turned(t).abs()).fold(0.0, f64::max);
+    Some(Rotation { end_deg: turned(truth.last()?), max_deg })
+}
+
+fn end_effector(truth: &[TruthState], arm: &[ArmCommand]) -> Option<EndEffector> {
+    let (first, last) = (truth.first()?, truth.last()?);
+    let distance = |a: &[f64; 3], b: &[f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    // A goal of exact zeros is none: the arm flew no Cartesian task then.
+    let mut tasks = arm.iter().filter(|a| a.ee_goal != [0.0; 3]).peekable();
+    let mut max_error_m = tasks.peek().map(|_| 0.0_f64);
+    let mut final_error_m = None;
+    for task in tasks {
+        let i = truth.partition_point(|t| t.stamp_ns < task.stamp_ns);
+        if let Some(t) = truth.get(i) {
+            max_error_m = max_error_m.map(|m| m.max(distance(&t.ee, &task.ee_goal)));
+        }
+        final_error_m = Some(distance(&last.ee, &task.ee_goal));
+    }
+    Some(EndEffector { moved_m: distance(&first.ee, &last.ee), final_error_m, max_error_m })
+}
+
+fn navigation(nav: &[NavState], truth: &[TruthState]) -> Option<Navigation> {
+    let (mut count, mut position2, mut heading2, mut position_max_m) = (0.0, 0.0, 0.0, 0.0_f64);
+    for n in nav.iter().filter(|n| n.mode != NavState::INITIALISING) {
+        let after = truth.partition_point(|t| t.stamp_ns < n.stamp_ns);
+        let (Some(a), Some(b)) = (after.checked_sub(1).and_then(|i| truth.get(i)), truth.get(after)) else { continue };
+        let at = |f: fn(&TruthState) -> f64| {
+            let share = (n.stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns).max(1) as f64;
+            f(a) + share * (f(b) - f(a))
+        };
+        let error = (n.x_m - at(|t| t.x_m)).hypot(n.y_m - at(|t| t.y_m));
+        let heading = n.theta_rad - at(|t| t.theta_rad);
+        let heading = heading.sin().atan2(heading.cos());
+        position2 += error * error;
+        heading2 += heading * heading;
+        position_max_m = position_max_m.max(error);
+        count += 1.0;
+    }
+    (count > 0.0).then(|| Navigation {
+        position_rms_m: f64::sqrt(position2 / count),
+        heading_rms_deg: f64::sqrt(heading2 / count).to_degrees(),
+        position_max_m,
+    })
+}
+
+/// The last report of each start of each service, added up.
+fn services(health: &[Health]) -> BTreeMap<String, ServiceFigures> {
+    let mut last = BTreeMap::<(String, u32), ServiceFigures>::new();
+    for h in health {
+        let figures = ServiceFigures {
+            cycles: h.cycles,
+            overruns: h.overruns,
+            skipped: h.skipped,
+            dropped: h.dropped,
+            starts: h.starts,
+        };
+        last.insert((text_of(&h.service).to_owned(), h.starts), figures);
+    }
+    let mut services = BTreeMap::<String, ServiceFigures>::new();
+    for ((service, starts), f) in last {
+        let sum = services.entry(service).or_default();
+        sum.cycles += f.cycles;
+        sum.overruns += f.overruns;
+        sum.skipped += f.skipped;
+        sum.dropped += f.dropped;
+        sum.starts = sum.starts.max(starts);
+    }
+    services
+}
+
+fn warnings(events: &[Event], first_ns: u64) -> Vec<String> {
+    events
+        .iter()
+        .filter(|e| e.severity >= Event::WARNING)
+        .map(|e| {
+            let t_s = e.header().stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
+            format!("{t_s:.2} s {}: {}", text_of(&e.service), text_of(&e.text))
+        })
+        .collect()
+}
