@@ -58,6 +58,7 @@ mod model;
 mod momentum;
 mod parameters;
 mod regressor;
+mod resolve;
 mod sensitivity;
 mod state;
 mod trig;
@@ -69,6 +70,7 @@ pub use model::{Base, Body, Link, Model, ModelError};
 pub use momentum::Momentum;
 pub use parameters::Parameter;
 pub use regressor::{Inertial, InertialVector, MomentumRegressor, Regressor};
+pub use resolve::{Manipulability, damped_pseudoinverse, damping_near_singularity, singular_values};
 pub use sensitivity::{Cause, ForceGradient, ForceLaw, Sensitivity, step_with_derivatives};
 pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State};
 
