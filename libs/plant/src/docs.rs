@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::effect::{About, Index, Parameter};
 use crate::effects::catalogue;
+use crate::kind::{About, Index, Parameter};
 
 /// The whole page `docs/effects.md`.
 pub fn effects_table_markdown() -> String {

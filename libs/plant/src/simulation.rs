@@ -1,9 +1,6 @@
 //! The laboratory in motion: commands in, time forward, truth out.
 
 use fss_multibody::{Model, ModelError};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 use crate::check::MAX_LINKS;
 use crate::contact::Target;
@@ -11,6 +8,7 @@ use crate::dynamics::{Dynamics, Load, Motion};
 use crate::file::Plant;
 use crate::physics::{Grasped, Physics, Stream};
 use crate::power::{Air, Charge};
+use crate::room::Room;
 use crate::servo::{Driver, Joint, JointCommand};
 use crate::thrust;
 use crate::truth::{History, Moment, Truth};
@@ -45,43 +43,6 @@ pub struct Simulation {
     history: History,
     /// Whether any sensor shows what was rather than what is, so that every step must be remembered.
     looks_back: bool,
-}
-
-/// Room air: an Ornstein-Uhlenbeck process in force and torque.
-#[derive(Debug, Clone)]
-struct Room {
-    std: [f64; 3],
-    correlation_s: f64,
-    now: [f64; 3],
-    random: ChaCha8Rng,
-}
-
-impl Room {
-    fn new(plant: &Plant, seed: u64) -> Option<Self> {
-        let disturbance = plant.disturbance.as_ref()?;
-        let force = disturbance.force_std_n;
-        let mut room = Self {
-            std: [force, force, disturbance.torque_std_n_m],
-            correlation_s: disturbance.correlation_s,
-            now: [0.0; 3],
-            random: ChaCha8Rng::seed_from_u64(seed),
-        };
-        room.mix(0.0);
-        Some(room)
-    }
-
-    /// Exact transition over `dt_s`; the stationary process has the given spread.
-    fn step(&mut self, dt_s: f64) {
-        self.mix((-dt_s / self.correlation_s).exp());
-    }
-
-    fn mix(&mut self, keep: f64) {
-        let fresh = (1.0 - keep * keep).sqrt();
-        for (value, std) in self.now.iter_mut().zip(self.std) {
-            let normal: f64 = StandardNormal.sample(&mut self.random);
-            *value = keep * *value + fresh * std * normal;
-        }
-    }
 }
 
 impl Simulation {
@@ -256,7 +217,7 @@ impl Simulation {
         let mut load = Load::zero();
         if let Some(room) = &mut self.room {
             room.step(dt_s);
-            load.steady.as_mut_slice()[..3].copy_from_slice(&room.now);
+            load.steady.as_mut_slice()[..3].copy_from_slice(room.now());
         }
         let to = self.t_s + dt_s;
         let share = self.air.thrust_share() * physics.supply.trend(self.t_s + 0.5 * dt_s);
@@ -274,10 +235,10 @@ impl Simulation {
         self.air.take(impulse);
         for i in 0..physics.joints.len() {
             let joint = &physics.joints[i];
-            let (angle, rate) = dynamics.motor(i, &self.motion);
+            let (encoder_rad, encoder_rate_rad_s) = self.encoder(i);
             let seen = Joint {
-                encoder_rad: joint.encoder_scale * angle + joint.encoder_offset_rad,
-                encoder_rate_rad_s: joint.encoder_scale * rate,
+                encoder_rad,
+                encoder_rate_rad_s,
                 torque_constant_n_m_a: joint.torque_constant_n_m_a,
                 max_torque_n_m: joint.max_torque_n_m.min(self.torque_limit_n_m[i]),
             };
@@ -361,14 +322,24 @@ impl Simulation {
     /// What the encoder of joint `joint` (from 0) shows its driver now, without noise [rad]; 0 where there is no such
     /// joint.
     pub fn encoder_rad(&self, joint: usize) -> f64 {
+        self.encoder(joint).0
+    }
+
+    /// Encoder angle [rad] and rate [rad/s] without noise.
+    fn encoder(&self, joint: usize) -> (f64, f64) {
         let dynamics = self.dynamics();
-        let physics = dynamics.physics.joints.get(joint);
-        physics.map_or(0.0, |j| j.encoder_scale * dynamics.motor(joint, &self.motion).0 + j.encoder_offset_rad)
+        let Some(own) = dynamics.physics.joints.get(joint) else {
+            return (0.0, 0.0);
+        };
+        let (angle, rate) = dynamics.motor(joint, &self.motion);
+        (own.encoder_scale * angle + own.encoder_offset_rad, own.encoder_scale * rate)
     }
 
     /// Motor current of joint `joint` (from 0) through the last step [A]; 0 where there is no such joint.
     pub fn current_a(&self, joint: usize) -> f64 {
         self.current_a.get(joint).copied().unwrap_or(0.0)
+    }
+
     }
 
     /// Opening of each thruster's valve, 0 to 1.

@@ -198,6 +198,27 @@ fn every_measured_case_is_a_plant() {
 }
 
 #[test]
+fn a_drawn_laboratory_is_off_by_its_uncertainty() {
+    let plant = Plant::default_laboratory().unwrap();
+    let draws: Vec<Plant> = (0..400).map(|seed| plant.drawn(seed)).collect();
+    let spread = |value: &dyn Fn(&Plant) -> f64| {
+        let nominal = value(&plant);
+        (draws.iter().map(|d| (value(d) - nominal).powi(2)).sum::<f64>() / 400.0).sqrt()
+    };
+    let stated = plant.uncertainty.clone().unwrap();
+    for (drawn, stated) in [
+        (spread(&|p| p.base.mass_kg), stated.base_mass_kg),
+        (spread(&|p| p.thrust_n(4)), stated.thrust_n),
+        (spread(&|p| p.links[2].joint_offset_rad), stated.joint_offset_rad),
+        (spread(&|p| p.links[3].coulomb_friction_n_m), stated.coulomb_friction_n_m),
+    ] {
+        assert!((drawn / stated - 1.0).abs() < 0.15, "{drawn} against {stated}");
+    }
+    assert_eq!(plant.drawn(3), plant.drawn(3));
+    assert_eq!(draws[0].drawn(9), draws[0], "what is exact stays");
+}
+
+#[test]
 fn the_page_of_effects_is_current() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/effects.md");
     let page = fss_plant::effects_table_markdown();

@@ -3,7 +3,8 @@
 //! The base floats, so that the law may be smoothed where the sign would jump: it has its full size
 //! from a few times the creep rates below upwards.
 
-use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
 
 pub(super) struct BaseCoulombDrag;

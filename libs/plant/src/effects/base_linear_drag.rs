@@ -1,6 +1,7 @@
 //! `base_linear_drag`
 
-use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
 
 pub(super) struct BaseLinearDrag;

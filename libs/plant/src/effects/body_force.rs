@@ -1,6 +1,7 @@
 //! `body_force`
 
-use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
 
 pub(super) struct BodyForce;

@@ -2,7 +2,8 @@
 //!
 //! Link angle = motor angle + amplitude sin(cycles * link angle); the encoder sits on the motor.
 
-use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct DriveKinematicError;

@@ -2,7 +2,8 @@
 //!
 //! The limit of a large stiffness is the rigid joint; the largest value stands for it.
 
-use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct JointFlexibility;

@@ -1,6 +1,7 @@
 //! `joint_spring`
 
-use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{JointLaw, Physics};
 
 pub(super) struct JointSpring;

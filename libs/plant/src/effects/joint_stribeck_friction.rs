@@ -1,6 +1,7 @@
 //! `joint_stribeck_friction`
 
-use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct JointStribeckFriction;

@@ -2,7 +2,8 @@
 //!
 //! A turn of the whole frame alone cannot be seen: only against a known direction, such as gravity.
 
-use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct MocapRotation;

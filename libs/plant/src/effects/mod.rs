@@ -2,7 +2,7 @@
 //!
 //! To add one, write its file and add its line to [`CATALOGUE`].
 
-use crate::effect::EffectKind;
+use crate::kind::EffectKind;
 use crate::physics::Stream;
 
 mod base_angular_drag;

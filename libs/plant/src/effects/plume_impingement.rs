@@ -2,7 +2,8 @@
 //!
 //! The plume is a cone against the thrust; a link whose centre of mass lies in it is hit.
 
-use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct PlumeImpingement;

@@ -1,7 +1,8 @@
 //! `thruster_pressure_droop`
 
-use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::effect::Effect;
 use crate::file::Plant;
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct ThrusterPressureDroop;

@@ -3,7 +3,8 @@
 //! The diagnosis says so with a channel and words; in a simulation the channels `base_force` and
 //! `base_torque` act as strength sin(2 pi frequency t + phase), all others only describe.
 
-use crate::effect::{About, Effect, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
 
 pub(super) struct Unmodelled;

@@ -1,6 +1,7 @@
 //! `valve_swap`
 
-use crate::effect::{About, Effect, EffectKind, Index, Parameter, Place};
+use crate::effect::Effect;
+use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
 
 pub(super) struct ValveSwap;
