@@ -340,8 +340,6 @@ impl Simulation {
         self.current_a.get(joint).copied().unwrap_or(0.0)
     }
 
-    }
-
     /// Opening of each thruster's valve, 0 to 1.
     pub fn openings(&self) -> impl Iterator<Item = f64> + '_ {
         self.valves.iter().map(Valve::opening)
