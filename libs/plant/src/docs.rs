@@ -16,6 +16,8 @@ pub fn effects_table_markdown() -> String {
          Any effect may begin during the run: `onset_s = 12.5`. A value that replaces one of the plant's\n\
          is given as its new value. Nominal is the value at which the effect does nothing; \"plant\" means\n\
          the plant's own value.\n\n\
+         A link that bends is two `[[link]]` tables with a joint without a motor between them\n\
+         (`max_torque_N_m = 0`) and a `joint_spring` on it.\n\n\
          This page is generated from the catalogue in `libs/plant`.\n\n\
          | effect | acts on | index | what it does | parameters |\n| --- | --- | --- | --- | --- |\n",
     );

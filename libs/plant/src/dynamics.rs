@@ -246,6 +246,18 @@ impl JointPhysics {
     }
 }
 
+impl JointPhysics {
+    /// What the encoder shows at this motor angle [rad].
+    pub fn encoder_reading(&self, motor_rad: f64) -> f64 {
+        self.encoder_scale * motor_rad + self.encoder_offset_rad
+    }
+
+    /// What the torque sensor says to this torque [N m].
+    pub fn torque_reading(&self, torque_n_m: f64) -> f64 {
+        self.torque_sensor_scale * torque_n_m + self.torque_sensor_bias_n_m
+    }
+}
+
 impl Motion {
     /// Everything at zero, at rest.
     pub(crate) fn zero() -> Self {

@@ -66,25 +66,24 @@ impl Instruments {
     pub fn mocap_base(&mut self, simulation: &Simulation) -> Option<[f64; 3]> {
         let sensors = &simulation.physics().sensors;
         let truth = seen(simulation, sensors.age_s(Stream::BasePose));
-        let [mx, my] = sensors.marker_offset_m;
-        let [x, y, theta] = truth.base_pose;
-        let (sin, cos) = theta.sin_cos();
-        let marker = [x + cos * mx - sin * my, y + sin * mx + cos * my, theta + sensors.marker_yaw_rad];
-        pose(&mut self.base_pose, sensors, marker)
+        let reading = sensors.base_reading(truth.base_pose);
+        noisy(&mut self.base_pose, sensors, reading)
     }
 
     /// Motion capture of the end-effector.
     pub fn mocap_end_effector(&mut self, simulation: &Simulation) -> Option<[f64; 3]> {
         let sensors = &simulation.physics().sensors;
         let truth = seen(simulation, sensors.age_s(Stream::EePose));
-        pose(&mut self.ee_pose, sensors, truth.ee_pose)
+        let reading = sensors.pose_reading(truth.ee_pose);
+        noisy(&mut self.ee_pose, sensors, reading)
     }
 
     /// Motion capture of the target.
     pub fn mocap_target(&mut self, simulation: &Simulation) -> Option<[f64; 3]> {
         let sensors = &simulation.physics().sensors;
         let truth = seen(simulation, sensors.age_s(Stream::TargetPose));
-        pose(&mut self.target_pose, sensors, truth.target_pose)
+        let reading = sensors.pose_reading(truth.target_pose);
+        noisy(&mut self.target_pose, sensors, reading)
     }
 
     /// Gyro: scale x rate + bias, which walks, + noise [rad/s].
@@ -97,7 +96,7 @@ impl Instruments {
         self.gyro_walk_rad_s += nominal.gyro_bias_walk_rad_s_sqrt_s * since.sqrt() * normal(&mut self.gyro);
         let rate = seen(simulation, sensors.age_s(Stream::Gyro)).base_velocity[2];
         let noise = nominal.gyro_rad_s * normal(&mut self.gyro);
-        sensors.gyro_scale * rate + sensors.gyro_bias_rad_s + self.gyro_walk_rad_s + noise
+        sensors.gyro_reading(rate) + self.gyro_walk_rad_s + noise
     }
 
     /// Telemetry of link `link` (from 0).
@@ -109,10 +108,10 @@ impl Instruments {
         let (Some(joint), Some(random)) = (physics.joints.get(link), self.links.get_mut(link)) else {
             return LinkSample { q_rad: 0.0, qd_rad_s: 0.0, current_a: 0.0, torque_nm: 0.0, torque_saturated: false };
         };
-        let angle = joint.encoder_scale * truth.motor_rad[i] + joint.encoder_offset_rad;
+        let angle = joint.encoder_reading(truth.motor_rad[i]);
         let q_rad = rounded(angle + nominal.encoder_rad * normal(random), nominal.encoder_step_rad);
         let rate = joint.encoder_scale * truth.motor_rad_s[i];
-        let torque = joint.torque_sensor_scale * truth.torque_n_m[i] + joint.torque_sensor_bias_n_m;
+        let torque = joint.torque_reading(truth.torque_n_m[i]);
         let qd_rad_s = rate + nominal.encoder_rate_rad_s * normal(random);
         let current_a = truth.current_a[i] + nominal.current_a * normal(random);
         let torque = torque + nominal.torque_n_m * normal(random);
@@ -126,16 +125,15 @@ fn seen(simulation: &Simulation, age_s: f64) -> Truth {
     if age_s > 0.0 { simulation.truth_at(simulation.t_s() - age_s) } else { simulation.truth() }
 }
 
-/// A tracked pose: turned with the camera frame, noisy, sometimes missing.
-fn pose(random: &mut ChaCha8Rng, sensors: &SensorPhysics, [x, y, theta]: [f64; 3]) -> Option<[f64; 3]> {
+/// A tracked pose with its noise, sometimes missing.
+fn noisy(random: &mut ChaCha8Rng, sensors: &SensorPhysics, [x, y, theta]: [f64; 3]) -> Option<[f64; 3]> {
     let nominal = &sensors.nominal;
-    let (sin, cos) = sensors.mocap_rotation_rad.sin_cos();
     let noise = [normal(random), normal(random), normal(random)];
     let lost = random.random::<f64>() < nominal.mocap_dropout;
     (!lost).then_some([
-        cos * x - sin * y + nominal.mocap_position_m * noise[0],
-        sin * x + cos * y + nominal.mocap_position_m * noise[1],
-        theta + sensors.mocap_rotation_rad + nominal.mocap_angle_rad * noise[2],
+        x + nominal.mocap_position_m * noise[0],
+        y + nominal.mocap_position_m * noise[1],
+        theta + nominal.mocap_angle_rad * noise[2],
     ])
 }
 

@@ -332,7 +332,7 @@ impl Simulation {
             return (0.0, 0.0);
         };
         let (angle, rate) = dynamics.motor(joint, &self.motion);
-        (own.encoder_scale * angle + own.encoder_offset_rad, own.encoder_scale * rate)
+        (own.encoder_reading(angle), own.encoder_scale * rate)
     }
 
     /// Motor current of joint `joint` (from 0) through the last step [A]; 0 where there is no such joint.

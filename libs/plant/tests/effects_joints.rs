@@ -204,3 +204,42 @@ fn an_effect_with_an_index_leaves_the_other_joints_alone() {
     let values: Vec<f64> = simulation.physics().joints.iter().map(|j| j.friction.coulomb_n_m).collect();
     assert_eq!(values, [0.1, 0.1, 0.7, 0.1]);
 }
+
+#[test]
+fn an_unmodelled_joint_torque_swings_in_time() {
+    let values = [("strength", 0.1), ("frequency_Hz", 0.5), ("phase_rad", 0.0)];
+    let mut simulation = swinging(&[effect("unmodelled", &values).on("joint_torque_1")], 0.0, 0.0);
+    simulation.step(1.0);
+    // Half a period of a sine: twice the amplitude over the frequency.
+    close(rate(&simulation), 2.0 * 0.1 / std::f64::consts::PI / ONE_LINK_INERTIA, 1e-9);
+}
+
+#[test]
+fn an_elastic_link_is_two_links_with_a_sprung_joint_between() {
+    let mut plant = one_link();
+    let half = fss_plant::Link {
+        length_m: 0.19,
+        com_to_next_joint_m: 0.095,
+        mass_kg: 1.44,
+        inertia_kg_m2: 0.005,
+        max_torque_n_m: 0.0,
+        ..plant.links[0].clone()
+    };
+    plant.links = vec![plant.links[0].clone(), half];
+    let bending = effect("joint_spring", &[("stiffness_N_m_rad", 40.0)]).at(2);
+    let mut simulation = simulate(&plant, &[bending]);
+    // The root gives way a little, so that it bends faster than on a fixed root, but not much.
+    simulation.set_state([0.0; 3], [0.0; 3], &[0.0, 0.02], &[]);
+    simulation.set_joint(0, JointCommand::Position { q_rad: 0.0, qd_rad_s: 0.0 });
+    let mut crossings = 0;
+    let mut before = simulation.truth().q_rad[1];
+    for _ in 0..1000 {
+        simulation.step(1e-3);
+        let now = simulation.truth().q_rad[1];
+        crossings += u32::from(before * now < 0.0);
+        before = now;
+    }
+    let alone = (40.0 / (0.005 + 1.44 * 0.095 * 0.095_f64)).sqrt() / std::f64::consts::PI;
+    let rate = f64::from(crossings);
+    assert!(rate > alone * 0.95 && rate < alone * 1.6, "{rate} crossings a second, {alone} with a fixed root");
+}

@@ -183,6 +183,33 @@ fn an_error_points_into_the_text() {
 }
 
 #[test]
+fn damaged_files_are_refused_or_read_but_never_crash() {
+    use rand::{RngExt, SeedableRng};
+    let seed = 4;
+    println!("seed {seed}");
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let text = format!("{DEFAULT_PLANT}\n[[effect]]\nid = \"valve_swap\"\nindex = 1\nother_index = 2\n");
+    let pieces = ["", "-", "0", "9e99", "nan", "[", "]", "\"", "=", "\n[[effect]]\n", "\u{e9}", "index", "true"];
+    let mut refused = 0;
+    for _ in 0..1500 {
+        let mut damaged: Vec<char> = text.chars().collect();
+        for _ in 0..random.random_range(1..4) {
+            let at = random.random_range(0..damaged.len());
+            let end = (at + random.random_range(0..12)).min(damaged.len());
+            let piece = pieces[random.random_range(0..pieces.len())];
+            damaged.splice(at..end, piece.chars());
+        }
+        let damaged: String = damaged.into_iter().collect();
+        if let Err(error) = Plant::parse(&damaged) {
+            refused += 1;
+            assert!(error.line >= 1 && error.line <= damaged.lines().count() + 1, "{error}");
+            assert!(damaged.get(error.span.clone()).is_some(), "{error}");
+        }
+    }
+    assert!(refused > 500, "{refused}");
+}
+
+#[test]
 fn every_measured_case_is_a_plant() {
     let cases = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/measured/cases");
     let Ok(cases) = std::fs::read_dir(cases) else {

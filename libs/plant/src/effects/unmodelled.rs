@@ -1,11 +1,11 @@
 //! `unmodelled`
 //!
-//! The diagnosis says so with a channel and words; in a simulation the channels `base_force` and
-//! `base_torque` act as strength sin(2 pi frequency t + phase), all others only describe.
+//! The diagnosis says so with a channel and words; in a simulation the channels `base_force`,
+//! `base_torque` and `joint_torque_1`.. act as strength sin(2 pi frequency t + phase), all others only describe.
 
 use crate::effect::Effect;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
-use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::physics::{BaseLaw, BaseMotion, JointLaw, Physics};
 
 pub(super) struct Unmodelled;
 
@@ -36,7 +36,13 @@ impl EffectKind for Unmodelled {
         match effect.channel() {
             Some("base_force") => physics.base_laws.push(BaseLaw { law: force, values: effect.padded() }),
             Some("base_torque") => physics.base_laws.push(BaseLaw { law: torque, values: effect.padded() }),
-            _ => {}
+            Some(channel) => {
+                let joint = channel.strip_prefix("joint_torque_").and_then(|n| n.parse::<usize>().ok());
+                if let Some(joint) = joint.and_then(|n| n.checked_sub(1)).filter(|j| *j < physics.joints.len()) {
+                    physics.joint_laws.push(JointLaw { joint, law: joint_torque, values: effect.padded() });
+                }
+            }
+            None => {}
         }
     }
 }
@@ -53,4 +59,8 @@ fn force(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
 
 fn torque(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
     [0.0, 0.0, sine(p, base.t_s)]
+}
+
+fn joint_torque(p: &[f64; MAX_PARAMETERS], t_s: f64, _q_rad: f64, _qd_rad_s: f64) -> f64 {
+    sine(p, t_s)
 }

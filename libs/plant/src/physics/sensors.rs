@@ -45,6 +45,25 @@ pub struct SensorPhysics {
 }
 
 impl SensorPhysics {
+    /// Where motion capture sees a body of this pose, without noise [m, m, rad].
+    pub fn pose_reading(&self, [x, y, theta]: [f64; 3]) -> [f64; 3] {
+        let (sin, cos) = self.mocap_rotation_rad.sin_cos();
+        [cos * x - sin * y, sin * x + cos * y, theta + self.mocap_rotation_rad]
+    }
+
+    /// Where motion capture sees the markers of a base of this pose, without noise [m, m, rad].
+    pub fn base_reading(&self, [x, y, theta]: [f64; 3]) -> [f64; 3] {
+        let [mx, my] = self.marker_offset_m;
+        let (sin, cos) = theta.sin_cos();
+        let marker = [x + cos * mx - sin * my, y + sin * mx + cos * my, theta + self.marker_yaw_rad];
+        self.pose_reading(marker)
+    }
+
+    /// What the gyro says to this rate, without noise and walk [rad/s].
+    pub fn gyro_reading(&self, rate_rad_s: f64) -> f64 {
+        self.gyro_scale * rate_rad_s + self.gyro_bias_rad_s
+    }
+
     /// How much older a sample is than its stamp says, once the nominal latency is taken off [s].
     pub fn age_s(&self, stream: Stream) -> f64 {
         let latency = match stream {
