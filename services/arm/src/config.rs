@@ -39,7 +39,9 @@ pub struct ArmConfig {
     pub centring_ramp_s: f64,
     /// Feedback of the joint's angle where joints are driven by rate, 1/s.
     pub joint_gain_1_s: f64,
-    /// Below this smallest singular value the inverse is damped.
+    /// Below this smallest singular value the joints are slowed down in proportion to it.
+    pub sigma_slow: f64,
+    /// Below this one the inverse is damped.
     pub sigma_damped: f64,
     /// Below this one the arm is blocked.
     pub sigma_singular: f64,
@@ -84,6 +86,7 @@ impl ArmConfig {
             centring_gain_rad2_s: 0.06,
             centring_ramp_s: 1.0,
             joint_gain_1_s: 1.0,
+            sigma_slow: 0.03,
             sigma_damped: 0.01,
             sigma_singular: 1e-3,
             max_deviation_m: 0.02,

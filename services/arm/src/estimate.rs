@@ -8,8 +8,8 @@ use nalgebra::{Vector2, Vector3};
 use std::f64::consts::{PI, TAU};
 
 /// Motion capture and the computed end-effector may be apart by this much, m and rad.
-const LARGEST_CORRECTION_M: f64 = 0.05;
-const LARGEST_CORRECTION_RAD: f64 = 0.1;
+const LARGEST_CORRECTION_M: f64 = 0.15;
+const LARGEST_CORRECTION_RAD: f64 = 0.3;
 
 /// Navigation and telemetry at one time.
 #[derive(Clone, Copy, Debug)]

@@ -34,7 +34,10 @@ pub struct Bounds {
     pub low: JointVector,
     /// Largest rates, rad/s, none below zero.
     pub high: JointVector,
-    /// Below this smallest singular value the inverse is damped.
+    /// Below this smallest singular value the rates' bounds shrink with it, so that the joints are slow where they must
+    /// stop.
+    pub sigma_slow: f64,
+    /// Below this one the inverse is damped.
     pub sigma_damped: f64,
     /// Below this one there is no solution.
     pub sigma_singular: f64,
@@ -100,6 +103,7 @@ impl Task {
         free[..joint_count].fill(true);
         // What the joints do beside the task: preferred rates, or their bound where they are locked.
         let mut beside = self.preferred;
+        let mut bounds = *bounds;
         let mut best =
             Solution { rates: JointVector::zeros(), scale: 0.0, sigma_min: 0.0, at_bound: [false; MAX_LINKS] };
         for locked in 0..=joint_count {
@@ -109,6 +113,8 @@ impl Task {
             let inverse = Inverse::of(self, free, bounds.sigma_damped);
             if locked == 0 {
                 best.sigma_min = inverse.sigma_min;
+                let ease = (inverse.sigma_min / bounds.sigma_slow).min(1.0);
+                (bounds.low, bounds.high) = (bounds.low * ease, bounds.high * ease);
             }
             if inverse.sigma_min < bounds.sigma_singular {
                 break;
@@ -116,7 +122,7 @@ impl Task {
             // rates = scale * doing + keeping: what does the task, and what leaves it alone.
             let doing = inverse.apply(&self.wanted);
             let keeping = beside - inverse.apply(&(self.rows * beside));
-            let (share, tightest) = largest_share(&doing, &keeping, free, bounds);
+            let (share, tightest) = largest_share(&doing, &keeping, free, &bounds);
             if share > best.scale {
                 best.scale = share;
                 best.rates = doing * share + keeping;
@@ -167,7 +173,7 @@ mod tests {
 
     fn bounds(rate: f64) -> Bounds {
         let high = JointVector::repeat(rate);
-        Bounds { low: -high, high, sigma_damped: 0.01, sigma_singular: 1e-3 }
+        Bounds { low: -high, high, sigma_slow: 0.03, sigma_damped: 0.01, sigma_singular: 1e-3 }
     }
 
     /// Two rows, three joints.

@@ -76,7 +76,9 @@ impl Line {
     ) -> Solution {
         let task = self.task(config, reference, estimator, here);
         let (low, high) = reference.rate_bounds(config);
-        let bounds = Bounds { low, high, sigma_damped: config.sigma_damped, sigma_singular: config.sigma_singular };
+        let (sigma_slow, sigma_damped, sigma_singular) =
+            (config.sigma_slow, config.sigma_damped, config.sigma_singular);
+        let bounds = Bounds { low, high, sigma_slow, sigma_damped, sigma_singular };
         task.solve(config.model.link_count(), &bounds)
     }
 

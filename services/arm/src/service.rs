@@ -198,11 +198,16 @@ impl ArmService {
 
     fn follow(&mut self, mut line: Line, here: &Estimate, seen: &Seen, events: &mut Output<Event>) {
         let solution = line.resolve(&self.config, &self.reference, &self.estimator, here);
-        self.reference.advance(&solution.rates, seen.dt_s);
+        if solution.scale > 0.0 {
+            self.reference.advance(&solution.rates, seen.dt_s);
+        } else {
+            self.reference.brake(&self.config, seen.dt_s);
+        }
         line.clock_s += seen.dt_s * solution.scale;
         self.task = Task::Line(line);
         self.command.sigma_min = solution.sigma_min;
         self.command.progress = line.progress();
+        self.command.limited = solution.at_bound.map(u8::from);
 
         let stands_still = line.progress() < 1.0 && solution.scale < STANDSTILL_SHARE;
         self.standstill_s = if stands_still { self.standstill_s + seen.dt_s } else { 0.0 };
@@ -265,7 +270,7 @@ impl ArmService {
                 let limit = config.max_rate_rad_s[i];
                 c.qd_rad_s[i] = (c.qd_rad_s[i] + correction).clamp(-limit, limit);
             }
-            c.limited[i] = u8::from(reference.is_at_limit(config, i));
+            c.limited[i] |= u8::from(reference.is_at_limit(config, i));
         }
         if let Some(here) = &seen.here {
             c.ee = here.ee.into();
@@ -287,6 +292,7 @@ impl Service for ArmService {
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
         let seen = self.see(now, inputs);
         let events = &mut outputs.events;
+        self.command.limited = [0; MAX_LINKS];
         if matches!(self.task, Task::Off) {
             self.anchored = false;
         }

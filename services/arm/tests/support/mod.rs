@@ -60,6 +60,8 @@ pub struct World {
     pub spoil: fn(&mut NavState, &mut LinksState),
     pub has_nav: bool,
     pub has_links: bool,
+    /// What the controller saw last.
+    pub seen: (NavState, LinksState),
     period_ns: u64,
     nav_out: Output<NavState>,
     links_out: Output<LinksState>,
@@ -76,8 +78,12 @@ impl World {
     }
 
     pub fn with(q_deg: &[f64], period_s: f64, adjust: impl FnOnce(&mut ArmConfig)) -> Self {
-        let plant = plant();
-        let mut config = ArmConfig::new(&plant).unwrap();
+        Self::of(&plant(), q_deg, period_s, adjust)
+    }
+
+    /// With the vehicle of a plant.
+    pub fn of(plant: &Plant, q_deg: &[f64], period_s: f64, adjust: impl FnOnce(&mut ArmConfig)) -> Self {
+        let mut config = ArmConfig::new(plant).unwrap();
         config.max_age_ns = config.max_age_ns.max((2.5e9 * period_s) as u64);
         adjust(&mut config);
         let mut q = Coordinates::zeros();
@@ -98,6 +104,7 @@ impl World {
             spoil: |_, _| {},
             has_nav: true,
             has_links: true,
+            seen: (NavState::default(), LinksState::default()),
             period_ns: (period_s * 1e9) as u64,
             nav_out: Output::open(&bus, topic::NAV_STATE).unwrap(),
             links_out: Output::open(&bus, topic::LINKS_STATE).unwrap(),
@@ -118,11 +125,12 @@ impl World {
 
     /// Begins a phase now, and the record with it.
     pub fn begin(&mut self, mission: MissionState) {
-        self.mission = Some(MissionState { phase_start_ns: self.now.ns(), ..mission });
+        self.mission = Some(MissionState { phase_start_ns: self.now.ns(), state: MissionState::RUNNING, ..mission });
         self.record = Record { sigma_min: f64::INFINITY, ..Record::default() };
     }
 
-    fn show(&mut self) {
+    /// Shows the controller the vehicle without letting it act.
+    pub fn show(&mut self) {
         let stamp_ns = self.now.ns();
         let twist = self.model.base_twist(&self.q, &self.rates, &self.momentum);
         let mut nav = NavState {
@@ -144,6 +152,7 @@ impl World {
             links.driver_mode[i] = LinksState::DRIVER_POSITION;
         }
         (self.spoil)(&mut nav, &mut links);
+        self.seen = (nav, links);
         if self.has_nav {
             self.nav_out.publish(nav);
             self.nav_out.flush(self.now);
