@@ -20,7 +20,7 @@ type Mask = u32;
 const MAX_EVENTS: usize = 16;
 /// Steps of the search for the moment of rest.
 const MAX_REFINEMENTS: usize = 12;
-/// A joint slower than this has come to rest [rad/s].
+/// A joint slower than this has come to rest (rad/s).
 const REST_RAD_S: f64 = 1e-11;
 
 impl Dynamics {
@@ -181,7 +181,7 @@ impl Dynamics {
         first
     }
 
-    /// When within `left_s` drive `i` comes to rest [s], by regula falsi (Illinois).
+    /// When within `left_s` drive `i` comes to rest (s), by regula falsi (Illinois).
     #[allow(clippy::too_many_arguments)] // one step's circumstances, which change from call to call
     fn rest_time(
         &self,

@@ -6,7 +6,7 @@ use crate::parts;
 use crate::physics::Grasped;
 use crate::simulation::Simulation;
 
-/// How far beyond the target's rim the gripper still takes hold [m].
+/// How far beyond the target's rim the gripper still takes hold (m).
 const GRASP_REACH_M: f64 = 0.02;
 
 /// A passive disc in motion.
@@ -34,7 +34,7 @@ pub enum GraspError {
     /// The tip does not touch it.
     #[error("the target is out of reach: its rim is {gap_m:.3} m from the tip")]
     OutOfReach {
-        /// Between tip and rim [m].
+        /// Between tip and rim (m).
         gap_m: f64,
     },
 }

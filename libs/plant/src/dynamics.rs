@@ -10,18 +10,18 @@ use crate::physics::{BaseMotion, JointPhysics, Physics};
 pub(crate) struct Motion {
     /// Base frame and joints.
     pub(crate) state: State,
-    /// Rotor angles as seen at the joint [rad].
+    /// Rotor angles as seen at the joint (rad).
     pub(crate) rotor_rad: [f64; MAX_LINKS],
-    /// Rotor rates as seen at the joint [rad/s].
+    /// Rotor rates as seen at the joint (rad/s).
     pub(crate) rotor_rad_s: [f64; MAX_LINKS],
 }
 
 /// What drives the motion and stays the same through a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Load {
-    /// Real motor torques at the joints [N m].
+    /// Real motor torques at the joints (N m).
     pub(crate) motor_n_m: [f64; MAX_LINKS],
-    /// Thrust on the base, base axes, about the base frame's origin [N, N, N m].
+    /// Thrust on the base, base axes, about the base frame's origin (N, N, N m).
     pub(crate) thrust: [f64; 3],
     /// Room air and plumes on the coordinates.
     pub(crate) steady: Coordinates,
@@ -150,7 +150,7 @@ impl Dynamics {
         force
     }
 
-    /// Torque of an elastic drive on its rotor, and by the gear on its link: a spring with play and some damping [N m].
+    /// Torque of an elastic drive on its rotor, and by the gear on its link: a spring with play and some damping (N m).
     pub(crate) fn wind_up_torque(&self, i: usize, motion: &Motion) -> f64 {
         let (joint, servo) = (&self.physics.joints[i], &self.physics.servos[i]);
         let q = motion.state.q[3 + i];
@@ -175,7 +175,7 @@ impl Dynamics {
         self.physics.joints[i].stiffness_n_m_rad.unwrap_or(self.physics.servos[i].gear_stiffness_n_m_rad)
     }
 
-    /// Torque that each drive passes on to its link, as the sensor behind the gear feels it [N m].
+    /// Torque that each drive passes on to its link, as the sensor behind the gear feels it (N m).
     pub(crate) fn drive_torques(&self, motion: &Motion, t_s: f64, load: &Load) -> [f64; MAX_LINKS] {
         let mut torque = [0.0; MAX_LINKS];
         let (_, rates) = self.sliding(motion, t_s, load, 0);
@@ -193,7 +193,7 @@ impl Dynamics {
         self.model.inverse_dynamics(&motion.state, &rates.joints) - rates.outside
     }
 
-    /// Angle and rate of drive `i`'s motor as seen at the joint [rad, rad/s].
+    /// Angle and rate of drive `i`'s motor as seen at the joint (rad, rad/s).
     pub(crate) fn motor(&self, i: usize, motion: &Motion) -> (f64, f64) {
         let joint = &self.physics.joints[i];
         if joint.is_elastic() {
@@ -212,7 +212,7 @@ impl Dynamics {
         }
     }
 
-    /// Longest step that the stiffest elastic drive allows [s].
+    /// Longest step that the stiffest elastic drive allows (s).
     pub(crate) fn longest_step_s(&self) -> f64 {
         let mut longest = f64::INFINITY;
         for (i, joint) in self.physics.joints.iter().enumerate() {
@@ -231,7 +231,7 @@ impl JointPhysics {
         self.stiffness_n_m_rad.is_some() || self.backlash_rad > 0.0
     }
 
-    /// Motor angle, seen at the joint, that holds joint angle `q_rad` without wind-up [rad].
+    /// Motor angle, seen at the joint, that holds joint angle `q_rad` without wind-up (rad).
     pub fn motor_angle(&self, q_rad: f64) -> f64 {
         q_rad - self.kinematic_error_rad * (self.kinematic_cycles * q_rad).sin()
     }
@@ -247,12 +247,12 @@ impl JointPhysics {
 }
 
 impl JointPhysics {
-    /// What the encoder shows at this motor angle [rad].
+    /// What the encoder shows at this motor angle (rad).
     pub fn encoder_reading(&self, motor_rad: f64) -> f64 {
         self.encoder_scale * motor_rad + self.encoder_offset_rad
     }
 
-    /// What the torque sensor says to this torque [N m].
+    /// What the torque sensor says to this torque (N m).
     pub fn torque_reading(&self, torque_n_m: f64) -> f64 {
         self.torque_sensor_scale * torque_n_m + self.torque_sensor_bias_n_m
     }

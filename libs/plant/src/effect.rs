@@ -147,7 +147,7 @@ impl Effect {
         self.description.as_deref()
     }
 
-    /// When it begins [s]; `None` is from the start.
+    /// When it begins (s); `None` is from the start.
     pub fn onset_s(&self) -> Option<f64> {
         self.onset_s
     }

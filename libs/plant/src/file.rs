@@ -110,7 +110,7 @@ impl Plant {
         self.links.get(joint).and_then(|link| link.servo.as_ref()).unwrap_or(&self.servo)
     }
 
-    /// Thrust of thruster `thruster` (from 0) [N]: its own, or the common one.
+    /// Thrust of thruster `thruster`, from 0 (N): its own, or the common one.
     pub fn thrust_n(&self, thruster: usize) -> f64 {
         self.thrusters.get(thruster).and_then(|t| t.thrust_n).or(self.base.thrust_n).unwrap_or(0.0)
     }

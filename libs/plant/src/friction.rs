@@ -7,18 +7,18 @@
 /// Canudas de Wit, 1994); at rest it takes whatever is needed up to `coulomb + stribeck`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
-    /// Dry friction [N m].
+    /// Dry friction (N m).
     pub coulomb_n_m: f64,
-    /// Viscous friction [N m s/rad].
+    /// Viscous friction (N m s/rad).
     pub viscous_n_m_s_rad: f64,
-    /// Static friction above dry friction [N m].
+    /// Static friction above dry friction (N m).
     pub stribeck_n_m: f64,
-    /// Rate at which the static part has faded [rad/s].
+    /// Rate at which the static part has faded (rad/s).
     pub stribeck_rad_s: f64,
 }
 
 impl Friction {
-    /// Torque that sets a resting joint going [N m].
+    /// Torque that sets a resting joint going (N m).
     #[inline]
     pub fn breakaway_n_m(&self) -> f64 {
         self.coulomb_n_m + self.stribeck_n_m
@@ -30,7 +30,7 @@ impl Friction {
         self.breakaway_n_m() > 0.0
     }
 
-    /// Torque that opposes sliding in `direction` (-1, 0 or 1) at `rate_rad_s` [N m].
+    /// Torque that opposes sliding in `direction` (-1, 0 or 1) at `rate_rad_s` (N m).
     ///
     /// The direction is given apart from the rate so that the law stays smooth while a step
     /// carries the rate a little past zero.

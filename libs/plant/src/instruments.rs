@@ -15,13 +15,13 @@ const CONVERTER_STEPS: f64 = 8_388_607.0;
 /// What a link's telemetry says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkSample {
-    /// Encoder angle [rad].
+    /// Encoder angle (rad).
     pub q_rad: f64,
-    /// Encoder rate [rad/s].
+    /// Encoder rate (rad/s).
     pub qd_rad_s: f64,
-    /// Motor current [A].
+    /// Motor current (A).
     pub current_a: f64,
-    /// Torque sensor [N m].
+    /// Torque sensor (N m).
     pub torque_nm: f64,
     /// The torque sensor's converter is at its end: not a reading but a fault.
     pub torque_saturated: bool,
@@ -62,7 +62,7 @@ impl Instruments {
         }
     }
 
-    /// Motion capture of the base: pose of its markers in the camera frame [m, m, rad]; `None` is a dropout.
+    /// Motion capture of the base: pose of its markers in the camera frame (m, m, rad); `None` is a dropout.
     pub fn mocap_base(&mut self, simulation: &Simulation) -> Option<[f64; 3]> {
         let sensors = &simulation.physics().sensors;
         let truth = seen(simulation, sensors.age_s(Stream::BasePose));
@@ -86,7 +86,7 @@ impl Instruments {
         noisy(&mut self.target_pose, sensors, reading)
     }
 
-    /// Gyro: scale x rate + bias, which walks, + noise [rad/s].
+    /// Gyro: scale x rate + bias, which walks, + noise (rad/s).
     pub fn gyro(&mut self, simulation: &Simulation) -> f64 {
         let sensors = &simulation.physics().sensors;
         let now = simulation.t_s();

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Table {
-    /// Known steady in-plane acceleration of every body, table frame [m/s^2].
+    /// Known steady in-plane acceleration of every body, table frame (m/s^2).
     pub gravity_m_s2: [f64; 2],
-    /// Side lengths [m]; the table frame's origin is the middle.
+    /// Side lengths (m); the table frame's origin is the middle.
     pub size_m: [f64; 2],
 }
 
@@ -28,22 +28,22 @@ pub struct Base {
     /// A base that cannot move: base frame = table frame, mass and inertia play no part.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub clamped: bool,
-    /// Mass with the tank as full as `[tank]` says [kg].
+    /// Mass with the tank as full as `[tank]` says (kg).
     #[serde(default)]
     pub mass_kg: f64,
-    /// Moment of inertia about the base's centre of mass [kg m^2].
+    /// Moment of inertia about the base's centre of mass (kg m^2).
     #[serde(default)]
     pub inertia_kg_m2: f64,
-    /// Position of joint 1 in the base frame [m].
+    /// Position of joint 1 in the base frame (m).
     #[serde(default)]
     pub joint1_xy_m: [f64; 2],
-    /// Direction of link 1 in the base frame at zero joint angle and offset [rad].
+    /// Direction of link 1 in the base frame at zero joint angle and offset (rad).
     #[serde(default)]
     pub joint1_angle_rad: f64,
-    /// Thrust of every thruster that gives none of its own [N].
+    /// Thrust of every thruster that gives none of its own (N).
     #[serde(rename = "thrust_N", default, skip_serializing_if = "Option::is_none")]
     pub thrust_n: Option<f64>,
-    /// Side lengths of the base's body [m]; for pictures only.
+    /// Side lengths of the base's body (m); for pictures only.
     #[serde(default = "base_size")]
     pub size_m: [f64; 2],
 }
@@ -56,11 +56,11 @@ fn base_size() -> [f64; 2] {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thruster {
-    /// Where the force acts, base frame [m].
+    /// Where the force acts, base frame (m).
     pub position_m: [f64; 2],
     /// Direction of the force on the base, base frame; any length but zero.
     pub force_direction: [f64; 2],
-    /// Thrust, where it differs from the base's `thrust_N` [N].
+    /// Thrust, where it differs from the base's `thrust_N` (N).
     #[serde(rename = "thrust_N", default, skip_serializing_if = "Option::is_none")]
     pub thrust_n: Option<f64>,
 }
@@ -78,13 +78,13 @@ impl Thruster {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Valves {
-    /// From command to the first movement of thrust [s].
+    /// From command to the first movement of thrust (s).
     pub delay_s: f64,
-    /// Time constant of the rise of thrust [s].
+    /// Time constant of the rise of thrust (s).
     pub rise_s: f64,
-    /// Time constant of the fall of thrust [s].
+    /// Time constant of the fall of thrust (s).
     pub fall_s: f64,
-    /// A valve that has opened stays open this long [s].
+    /// A valve that has opened stays open this long (s).
     pub min_on_s: f64,
     /// Share of thrust lost by every open valve for each further valve that is open.
     pub droop_fraction_per_extra_valve: f64,
@@ -100,26 +100,26 @@ impl Default for Valves {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tank {
-    /// Absolute pressure of the full tank [Pa].
+    /// Absolute pressure of the full tank (Pa).
     #[serde(rename = "pressure_Pa")]
     pub pressure_pa: f64,
-    /// Volume [m^3].
+    /// Volume (m^3).
     pub volume_m3: f64,
-    /// Gas temperature [K].
+    /// Gas temperature (K).
     #[serde(rename = "temperature_K", default = "room_temperature")]
     pub temperature_k: f64,
-    /// Specific gas constant [J/(kg K)]; 287.05 is air.
+    /// Specific gas constant (J/(kg K)); 287.05 is air.
     #[serde(rename = "gas_constant_J_kg_K", default = "gas_constant_of_air")]
     pub gas_constant_j_kg_k: f64,
-    /// Tank pressure below which the regulator cannot hold the nozzle pressure [Pa].
+    /// Tank pressure below which the regulator cannot hold the nozzle pressure (Pa).
     #[serde(rename = "regulator_Pa")]
     pub regulator_pa: f64,
-    /// Thrust over weight flow of the nozzles [s].
+    /// Thrust over weight flow of the nozzles (s).
     pub specific_impulse_s: f64,
 }
 
 impl Tank {
-    /// Gas in the full tank [kg], from the ideal gas law.
+    /// Gas in the full tank (kg), from the ideal gas law.
     pub fn gas_kg(&self) -> f64 {
         self.pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.temperature_k)
     }
@@ -137,16 +137,16 @@ fn gas_constant_of_air() -> f64 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Battery {
-    /// Open-circuit voltage at half charge [V]; 1.15 times this when full, 0.85 when empty.
+    /// Open-circuit voltage at half charge (V); 1.15 times this when full, 0.85 when empty.
     #[serde(rename = "nominal_V")]
     pub nominal_v: f64,
-    /// Energy of a full battery [W h].
+    /// Energy of a full battery (W h).
     #[serde(rename = "capacity_Wh")]
     pub capacity_wh: f64,
-    /// Internal resistance [Ohm].
+    /// Internal resistance (Ohm).
     #[serde(rename = "resistance_Ohm", default)]
     pub resistance_ohm: f64,
-    /// What the electronics draw all the time [W].
+    /// What the electronics draw all the time (W).
     #[serde(rename = "idle_W", default)]
     pub idle_w: f64,
 }
@@ -155,29 +155,29 @@ pub struct Battery {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Link {
-    /// From this joint to the next, or to the end-effector [m].
+    /// From this joint to the next, or to the end-effector (m).
     pub length_m: f64,
-    /// The centre of mass lies this far before the next joint, on the line to it [m].
+    /// The centre of mass lies this far before the next joint, on the line to it (m).
     pub com_to_next_joint_m: f64,
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// Moment of inertia about the link's centre of mass [kg m^2].
+    /// Moment of inertia about the link's centre of mass (kg m^2).
     pub inertia_kg_m2: f64,
-    /// Geometric angle less encoder angle [rad].
+    /// Geometric angle less encoder angle (rad).
     #[serde(default)]
     pub joint_offset_rad: f64,
-    /// The joint's stops are at plus and minus this angle [rad].
+    /// The joint's stops are at plus and minus this angle (rad).
     pub joint_limit_rad: f64,
-    /// Dry friction in the joint [N m].
+    /// Dry friction in the joint (N m).
     #[serde(rename = "coulomb_friction_N_m", default)]
     pub coulomb_friction_n_m: f64,
-    /// Viscous friction in the joint [N m s/rad].
+    /// Viscous friction in the joint (N m s/rad).
     #[serde(rename = "viscous_friction_N_m_s_rad", default)]
     pub viscous_friction_n_m_s_rad: f64,
-    /// Motor torque at the joint over motor current [N m/A].
+    /// Motor torque at the joint over motor current (N m/A).
     #[serde(rename = "torque_constant_N_m_A")]
     pub torque_constant_n_m_a: f64,
-    /// Largest motor torque at the joint [N m]; 0 is a joint without a motor.
+    /// Largest motor torque at the joint (N m); 0 is a joint without a motor.
     #[serde(rename = "max_torque_N_m")]
     pub max_torque_n_m: f64,
     /// Driver, where it differs from `[servo]`.
@@ -195,33 +195,33 @@ pub struct Link {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Servo {
-    /// Rate commanded per position error [1/s].
+    /// Rate commanded per position error (1/s).
     #[serde(rename = "position_gain_1_s")]
     pub position_gain_1_s: f64,
-    /// Torque per rate error [N m s/rad].
+    /// Torque per rate error (N m s/rad).
     #[serde(rename = "velocity_gain_N_m_s_rad")]
     pub velocity_gain_n_m_s_rad: f64,
-    /// Torque per integral of the rate error [N m/rad].
+    /// Torque per integral of the rate error (N m/rad).
     #[serde(rename = "velocity_integral_N_m_rad")]
     pub velocity_integral_n_m_rad: f64,
-    /// Largest rate that the position loop asks for [rad/s].
+    /// Largest rate that the position loop asks for (rad/s).
     pub max_rate_rad_s: f64,
-    /// Largest current [A], where it is tighter than the motor torque's limit.
+    /// Largest current (A), where it is tighter than the motor torque's limit.
     #[serde(rename = "max_current_A", default, skip_serializing_if = "Option::is_none")]
     pub max_current_a: Option<f64>,
-    /// Motor and wave generator, seen from the joint [kg m^2]; acts only where the joint is
+    /// Motor and wave generator, seen from the joint (kg m^2); acts only where the joint is
     /// flexible or has backlash, a rigid joint counts it in the links.
     pub rotor_inertia_kg_m2: f64,
     /// Stiffness of the drive while engaged where a joint has backlash and no
-    /// `joint_flexibility` [N m/rad].
+    /// `joint_flexibility` (N m/rad).
     #[serde(rename = "gear_stiffness_N_m_rad")]
     pub gear_stiffness_n_m_rad: f64,
     /// Damping of a flexible drive as a share of critical damping of the rotor.
     pub gear_damping_ratio: f64,
-    /// Stiffness of the stops [N m/rad].
+    /// Stiffness of the stops (N m/rad).
     #[serde(rename = "stop_stiffness_N_m_rad")]
     pub stop_stiffness_n_m_rad: f64,
-    /// Damping of the stops [N m s/rad].
+    /// Damping of the stops (N m s/rad).
     #[serde(rename = "stop_damping_N_m_s_rad")]
     pub stop_damping_n_m_s_rad: f64,
 }
@@ -249,47 +249,47 @@ impl Default for Servo {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
-    /// Motion capture: position [m].
+    /// Motion capture: position (m).
     pub mocap_position_m: f64,
-    /// Motion capture: heading [rad].
+    /// Motion capture: heading (rad).
     pub mocap_angle_rad: f64,
-    /// Motion capture: samples per second [Hz].
+    /// Motion capture: samples per second (Hz).
     #[serde(rename = "mocap_rate_Hz")]
     pub mocap_rate_hz: f64,
-    /// Motion capture: from the event to the sample's arrival, known and compensated [s].
+    /// Motion capture: from the event to the sample's arrival, known and compensated (s).
     pub mocap_latency_s: f64,
     /// Motion capture: chance that a sample is missing.
     pub mocap_dropout: f64,
-    /// Gyro: rate [rad/s].
+    /// Gyro: rate (rad/s).
     pub gyro_rad_s: f64,
-    /// Gyro: samples per second [Hz].
+    /// Gyro: samples per second (Hz).
     #[serde(rename = "gyro_rate_Hz")]
     pub gyro_rate_hz: f64,
-    /// Gyro: bias at the start [rad/s].
+    /// Gyro: bias at the start (rad/s).
     pub gyro_bias_rad_s: f64,
     /// Gyro: reading over truth.
     pub gyro_scale: f64,
-    /// Gyro: random walk of the bias, standard deviation after 1 s [rad/s/sqrt(s)].
+    /// Gyro: random walk of the bias, standard deviation after 1 s (rad/s/sqrt(s)).
     pub gyro_bias_walk_rad_s_sqrt_s: f64,
-    /// Links: encoder angle [rad].
+    /// Links: encoder angle (rad).
     pub encoder_rad: f64,
-    /// Links: encoder rate [rad/s].
+    /// Links: encoder rate (rad/s).
     pub encoder_rate_rad_s: f64,
-    /// Links: one count of the encoder [rad]; 0 is continuous.
+    /// Links: one count of the encoder (rad); 0 is continuous.
     pub encoder_step_rad: f64,
-    /// Links: motor current [A].
+    /// Links: motor current (A).
     #[serde(rename = "current_A")]
     pub current_a: f64,
-    /// Links: torque sensor [N m].
+    /// Links: torque sensor (N m).
     #[serde(rename = "torque_N_m")]
     pub torque_n_m: f64,
-    /// Links: the torque sensor saturates here, its 24-bit converter's full scale [N m].
+    /// Links: the torque sensor saturates here, its 24-bit converter's full scale (N m).
     #[serde(rename = "torque_range_N_m", skip_serializing_if = "Option::is_none")]
     pub torque_range_n_m: Option<f64>,
-    /// Links: telemetry samples per second [Hz].
+    /// Links: telemetry samples per second (Hz).
     #[serde(rename = "link_rate_Hz")]
     pub link_rate_hz: f64,
-    /// Links: from the event to the telemetry's stamp, known and compensated [s].
+    /// Links: from the event to the telemetry's stamp, known and compensated (s).
     pub link_latency_s: f64,
 }
 
@@ -358,13 +358,13 @@ pub struct Uncertainty {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Disturbance {
-    /// Standard deviation of each force component, table frame [N].
+    /// Standard deviation of each force component, table frame (N).
     #[serde(rename = "force_std_N", default)]
     pub force_std_n: f64,
-    /// Standard deviation of the torque [N m].
+    /// Standard deviation of the torque (N m).
     #[serde(rename = "torque_std_N_m", default)]
     pub torque_std_n_m: f64,
-    /// Correlation time [s].
+    /// Correlation time (s).
     pub correlation_s: f64,
 }
 
@@ -372,17 +372,17 @@ pub struct Disturbance {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// Moment of inertia about its centre [kg m^2].
+    /// Moment of inertia about its centre (kg m^2).
     pub inertia_kg_m2: f64,
-    /// Centre and heading at the start, table frame [m, m, rad].
+    /// Centre and heading at the start, table frame (m, m, rad).
     #[serde(default)]
     pub pose: [f64; 3],
-    /// Velocity at the start [m/s, m/s, rad/s].
+    /// Velocity at the start (m/s, m/s, rad/s).
     #[serde(default)]
     pub velocity: [f64; 3],
-    /// Radius of the disc that the tip can touch [m].
+    /// Radius of the disc that the tip can touch (m).
     #[serde(default = "target_radius")]
     pub radius_m: f64,
     /// Speed of separation over speed of approach of a contact, 0 to 1.

@@ -2,7 +2,7 @@
 
 use crate::parts::{Battery, Tank};
 
-/// Standard gravity, by which specific impulse is defined [m/s^2].
+/// Standard gravity, by which specific impulse is defined (m/s^2).
 const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// Air in the tank.
@@ -21,7 +21,7 @@ impl Air {
         self.used_kg
     }
 
-    /// Tank pressure [Pa], if there is a tank.
+    /// Tank pressure (Pa), if there is a tank.
     pub(crate) fn pressure_pa(&self) -> Option<f64> {
         let tank = self.tank.as_ref()?;
         Some(tank.pressure_pa * (1.0 - self.used_kg / tank.gas_kg()).max(0.0))
@@ -35,7 +35,7 @@ impl Air {
         }
     }
 
-    /// Takes the gas of a total impulse [N s].
+    /// Takes the gas of a total impulse (N s).
     pub(crate) fn take(&mut self, impulse_n_s: f64) {
         if let Some(tank) = &self.tank {
             let flow = impulse_n_s / (tank.specific_impulse_s * STANDARD_GRAVITY_M_S2);
@@ -77,7 +77,7 @@ impl Charge {
         Some(1.0 - self.used_j / (battery.capacity_wh * 3600.0))
     }
 
-    /// Terminal voltage [V], if there is a battery: linear in charge, less the drop inside.
+    /// Terminal voltage (V), if there is a battery: linear in charge, less the drop inside.
     pub(crate) fn voltage_v(&self) -> Option<f64> {
         let battery = self.battery.as_ref()?;
         let open = battery.nominal_v * (0.85 + 0.3 * self.charge()?);

@@ -15,20 +15,20 @@ use crate::valves::Valve;
 /// Joint angles and rates at one time; zero beyond the last joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointSample {
-    /// Joint angles without encoder errors [rad].
+    /// Joint angles without encoder errors (rad).
     pub q_rad: JointVector,
-    /// Joint rates [rad/s].
+    /// Joint rates (rad/s).
     pub qd_rad_s: JointVector,
 }
 
 /// Motion of the base frame at one time, table frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaseSample {
-    /// Time since the start of the run [s].
+    /// Time since the start of the run (s).
     pub t_s: f64,
-    /// Pose [m, m, rad].
+    /// Pose (m, m, rad).
     pub pose: [f64; 3],
-    /// Velocity [m/s, m/s, rad/s].
+    /// Velocity (m/s, m/s, rad/s).
     pub velocity: [f64; 3],
 }
 
@@ -39,7 +39,7 @@ pub struct ValveHistory {
 }
 
 impl ValveHistory {
-    /// Rows of stamp [s] and commanded states, in order of time.
+    /// Rows of stamp (s) and commanded states, in order of time.
     pub fn new(rows: Vec<(f64, Vec<bool>)>) -> Self {
         Self { rows }
     }
@@ -48,9 +48,9 @@ impl ValveHistory {
 /// Steps of equal length that a rollout takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
-    /// Time of the first sample since the start of the run [s].
+    /// Time of the first sample since the start of the run (s).
     pub start_s: f64,
-    /// Length of a step [s].
+    /// Length of a step (s).
     pub step_s: f64,
     /// Number of steps.
     pub steps: usize,

@@ -35,7 +35,7 @@ impl Room {
         self.mix((-dt_s / self.correlation_s).exp());
     }
 
-    /// Force and torque on the base now, table axes [N, N, N m].
+    /// Force and torque on the base now, table axes (N, N, N m).
     pub(crate) fn now(&self) -> &[f64; 3] {
         &self.now
     }

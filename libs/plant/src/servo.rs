@@ -10,28 +10,28 @@ pub enum JointCommand {
     Free,
     /// A current.
     Current {
-        /// Motor current [A].
+        /// Motor current (A).
         current_a: f64,
     },
     /// A rate to hold.
     Velocity {
-        /// Encoder rate [rad/s].
+        /// Encoder rate (rad/s).
         qd_rad_s: f64,
     },
     /// An angle to hold or to follow.
     Position {
-        /// Encoder angle [rad].
+        /// Encoder angle (rad).
         q_rad: f64,
-        /// Its rate, fed forward [rad/s]; 0 for a step.
+        /// Its rate, fed forward (rad/s); 0 for a step.
         qd_rad_s: f64,
     },
 }
 
 /// Below this rate error the integral rests, so that it does not wind up against sticking
-/// friction and hunt [rad/s].
+/// friction and hunt (rad/s).
 const RATE_DEADBAND_RAD_S: f64 = 2e-4;
 
-/// A driver's memory: torque of the integral part [N m].
+/// A driver's memory: torque of the integral part (N m).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Driver {
     integral_n_m: f64,
@@ -47,7 +47,7 @@ pub(crate) struct Joint {
 }
 
 impl Driver {
-    /// Motor current for the next `dt_s` [A].
+    /// Motor current for the next `dt_s` (A).
     pub(crate) fn current_a(&mut self, command: JointCommand, joint: &Joint, servo: &Servo, dt_s: f64) -> f64 {
         let limit =
             (joint.max_torque_n_m / joint.torque_constant_n_m_a).min(servo.max_current_a.unwrap_or(f64::INFINITY));

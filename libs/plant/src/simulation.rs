@@ -14,7 +14,7 @@ use crate::thrust;
 use crate::truth::{History, Moment, Truth};
 use crate::valves::Valve;
 
-/// Longest step of the integration, which is also the period of the servo drivers [s].
+/// Longest step of the integration, which is also the period of the servo drivers (s).
 pub const INTERNAL_STEP_S: f64 = 1e-3;
 
 /// A plant's motion from the start of a run.
@@ -128,7 +128,7 @@ impl Simulation {
         }
     }
 
-    /// Tells the driver of joint `joint` (from 0) to use no more than this torque [N m]; the motor's own limit holds
+    /// Tells the driver of joint `joint` (from 0) to use no more than this torque (N m); the motor's own limit holds
     /// beside it.
     pub fn set_torque_limit(&mut self, joint: usize, max_torque_n_m: f64) {
         if let Some(own) = self.torque_limit_n_m.get_mut(joint) {
@@ -136,7 +136,7 @@ impl Simulation {
         }
     }
 
-    /// Lets `dt_s` pass [s].
+    /// Lets `dt_s` pass (s).
     pub fn step(&mut self, dt_s: f64) {
         let end = self.t_s + dt_s;
         while end - self.t_s > 1e-9 {
@@ -260,7 +260,7 @@ impl Simulation {
         }
     }
 
-    /// Time since the start of the run [s].
+    /// Time since the start of the run (s).
     pub fn t_s(&self) -> f64 {
         self.t_s
     }
@@ -319,13 +319,13 @@ impl Simulation {
         first.toward(&Truth::of(later, &self.stages[later.stage].1), share)
     }
 
-    /// What the encoder of joint `joint` (from 0) shows its driver now, without noise [rad]; 0 where there is no such
+    /// What the encoder of joint `joint` (from 0) shows its driver now, without noise (rad); 0 where there is no such
     /// joint.
     pub fn encoder_rad(&self, joint: usize) -> f64 {
         self.encoder(joint).0
     }
 
-    /// Encoder angle [rad] and rate [rad/s] without noise.
+    /// Encoder angle (rad) and rate (rad/s) without noise.
     fn encoder(&self, joint: usize) -> (f64, f64) {
         let dynamics = self.dynamics();
         let Some(own) = dynamics.physics.joints.get(joint) else {
@@ -335,7 +335,7 @@ impl Simulation {
         (own.encoder_reading(angle), own.encoder_scale * rate)
     }
 
-    /// Motor current of joint `joint` (from 0) through the last step [A]; 0 where there is no such joint.
+    /// Motor current of joint `joint` (from 0) through the last step (A); 0 where there is no such joint.
     pub fn current_a(&self, joint: usize) -> f64 {
         self.current_a.get(joint).copied().unwrap_or(0.0)
     }
@@ -345,7 +345,7 @@ impl Simulation {
         self.valves.iter().map(Valve::opening)
     }
 
-    /// Thrust of each thruster now [N].
+    /// Thrust of each thruster now (N).
     pub fn thrusts_n(&self) -> impl Iterator<Item = f64> + '_ {
         let physics = self.physics();
         let share = self.air.thrust_share() * physics.supply.trend(self.t_s);
@@ -354,22 +354,22 @@ impl Simulation {
         thrusters.map(move |(valve, thruster)| share * thruster.force_n(valve.opening(), open_sum, &physics.supply))
     }
 
-    /// Gas used since the start [kg].
+    /// Gas used since the start (kg).
     pub fn gas_used_kg(&self) -> f64 {
         self.air.used_kg()
     }
 
-    /// Tank pressure [Pa], if the plant has a tank.
+    /// Tank pressure (Pa), if the plant has a tank.
     pub fn tank_pressure_pa(&self) -> Option<f64> {
         self.air.pressure_pa()
     }
 
-    /// Voltage of the base's battery [V], if the plant has one.
+    /// Voltage of the base's battery (V), if the plant has one.
     pub fn base_battery_v(&self) -> Option<f64> {
         self.base_charge.voltage_v()
     }
 
-    /// Voltage of a link's battery [V], if it has one.
+    /// Voltage of a link's battery (V), if it has one.
     pub fn link_battery_v(&self, link: usize) -> Option<f64> {
         self.link_charge.get(link).and_then(Charge::voltage_v)
     }
@@ -380,7 +380,7 @@ impl Simulation {
     }
 
     /// Linear momentum of base and arm, and angular momentum about the table's origin
-    /// [kg m/s, kg m/s, kg m^2/s].
+    /// (kg m/s, kg m/s, kg m^2/s).
     pub fn momentum(&self) -> [f64; 3] {
         let state = &self.motion.state;
         let momentum = self.model().momentum(state);
@@ -388,12 +388,12 @@ impl Simulation {
         [px, py, momentum.angular_about_base + state.q[0] * py - state.q[1] * px]
     }
 
-    /// Kinetic energy of base and arm [J].
+    /// Kinetic energy of base and arm (J).
     pub fn kinetic_energy_j(&self) -> f64 {
         self.model().kinetic_energy(&self.motion.state)
     }
 
-    /// Centre of mass of base and arm, table frame [m].
+    /// Centre of mass of base and arm, table frame (m).
     pub fn centre_of_mass_m(&self) -> [f64; 2] {
         let centre = self.model().center_of_mass(&self.motion.state.q);
         [centre.x, centre.y]

@@ -3,9 +3,9 @@
 use crate::dynamics::{Dynamics, Load, Motion};
 use crate::physics::{SupplyPhysics, ThrusterPhysics};
 
-/// Half angle of a plume's cone [rad].
+/// Half angle of a plume's cone (rad).
 const PLUME_HALF_ANGLE_RAD: f64 = 0.4;
-/// Beyond this a plume is too thin to push [m].
+/// Beyond this a plume is too thin to push (m).
 const PLUME_REACH_M: f64 = 1.0;
 
 impl SupplyPhysics {
@@ -17,7 +17,7 @@ impl SupplyPhysics {
 }
 
 impl ThrusterPhysics {
-    /// Force with this valve's opening where all openings add up to `open_sum` [N].
+    /// Force with this valve's opening where all openings add up to `open_sum` (N).
     ///
     /// A leak is there as far as the valve is closed.
     pub fn force_n(&self, opening: f64, open_sum: f64, supply: &SupplyPhysics) -> f64 {
@@ -26,7 +26,7 @@ impl ThrusterPhysics {
         droop * self.thrust_n * opening + self.leak_n * (1.0 - opening)
     }
 
-    /// Force and torque on the base for one newton, base axes, about the base frame's origin [-, -, m].
+    /// Force and torque on the base for one newton, base axes, about the base frame's origin (-, -, m).
     pub fn unit_wrench(&self) -> [f64; 3] {
         let (sin, cos) = self.direction_rad.sin_cos();
         [cos, sin, self.position_m[0] * sin - self.position_m[1] * cos]

@@ -8,11 +8,11 @@ use crate::physics::{Physics, Stream};
 /// joints, then zeros.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
-    /// Time since the start of the run [s].
+    /// Time since the start of the run (s).
     pub t_s: f64,
-    /// Base frame in the table frame [m, m, rad].
+    /// Base frame in the table frame (m, m, rad).
     pub base_pose: [f64; 3],
-    /// Its velocity [m/s, m/s, rad/s].
+    /// Its velocity (m/s, m/s, rad/s).
     pub base_velocity: [f64; 3],
     /// End-effector frame in the table frame; the base frame's for a base without arm.
     pub ee_pose: [f64; 3],
@@ -22,17 +22,17 @@ pub struct Truth {
     pub target_pose: [f64; 3],
     /// Its velocity.
     pub target_velocity: [f64; 3],
-    /// Joint angles without encoder errors [rad].
+    /// Joint angles without encoder errors (rad).
     pub q_rad: [f64; MAX_LINKS],
-    /// Joint rates [rad/s].
+    /// Joint rates (rad/s).
     pub qd_rad_s: [f64; MAX_LINKS],
-    /// Motor angles as seen at the joints, where the encoders are [rad].
+    /// Motor angles as seen at the joints, where the encoders are (rad).
     pub motor_rad: [f64; MAX_LINKS],
-    /// Motor rates as seen at the joints [rad/s].
+    /// Motor rates as seen at the joints (rad/s).
     pub motor_rad_s: [f64; MAX_LINKS],
-    /// Motor currents [A].
+    /// Motor currents (A).
     pub current_a: [f64; MAX_LINKS],
-    /// Torques that the drives pass on, where the torque sensors are [N m].
+    /// Torques that the drives pass on, where the torque sensors are (N m).
     pub torque_n_m: [f64; MAX_LINKS],
 }
 
@@ -110,7 +110,7 @@ impl Truth {
     }
 }
 
-/// Age of the oldest sample that any sensor gives [s].
+/// Age of the oldest sample that any sensor gives (s).
 pub(crate) fn oldest_sample_s(physics: &Physics) -> f64 {
     let sensors = &physics.sensors;
     let streams = [Stream::BasePose, Stream::EePose, Stream::TargetPose, Stream::Gyro];

@@ -10,13 +10,13 @@ const CAPACITY: usize = 256;
 /// One valve's commands on their way and its opening.
 #[derive(Debug, Clone)]
 pub(crate) struct Valve {
-    /// Commands that have not yet moved the valve: when they do [s], and to open or to close.
+    /// Commands that have not yet moved the valve: when they do (s), and to open or to close.
     pending: VecDeque<(f64, bool)>,
     /// Last command given.
     commanded: bool,
     is_open: bool,
     opened_at_s: f64,
-    /// A closing that waits for the minimum on time [s].
+    /// A closing that waits for the minimum on time (s).
     close_at_s: Option<f64>,
     /// Share of the thrust, 0 to 1.
     opening: f64,
@@ -106,7 +106,7 @@ impl Valve {
         }
     }
 
-    /// First-order approach to open or closed; returns the integral of the opening [s].
+    /// First-order approach to open or closed; returns the integral of the opening (s).
     fn drift(&mut self, duration_s: f64, valve: &ThrusterPhysics) -> f64 {
         let (goal, time) = if self.is_open { (1.0, valve.rise_s) } else { (0.0, valve.fall_s) };
         let gap = self.opening - goal;

@@ -30,9 +30,9 @@ impl EffectKind for BaseCoulombDrag {
     }
 }
 
-/// Below about this speed the rubbing is gentler than its full size [m/s].
+/// Below about this speed the rubbing is gentler than its full size (m/s).
 const CREEP_M_S: f64 = 2e-4;
-/// Below about this rate the rubbing is gentler than its full size [rad/s].
+/// Below about this rate the rubbing is gentler than its full size (rad/s).
 const CREEP_RAD_S: f64 = 5e-4;
 
 fn law(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {

@@ -1,6 +1,6 @@
 //! The catalogue: every effect that a plant can have, one file each.
 //!
-//! To add one, write its file and add its line to [`CATALOGUE`].
+//! To add one, write its file and add its line to the list below.
 
 use crate::kind::EffectKind;
 use crate::physics::Stream;

@@ -5,15 +5,15 @@ use crate::kind::MAX_PARAMETERS;
 /// What a force on the base may depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaseMotion {
-    /// Time since the start of the run [s].
+    /// Time since the start of the run (s).
     pub t_s: f64,
-    /// Base frame in the table frame [m, m, rad].
+    /// Base frame in the table frame (m, m, rad).
     pub pose: [f64; 3],
-    /// Its velocity, table axes [m/s, m/s, rad/s].
+    /// Its velocity, table axes (m/s, m/s, rad/s).
     pub velocity: [f64; 3],
 }
 
-/// A force on the base: table axes, about the base frame's origin [N, N, N m].
+/// A force on the base: table axes, about the base frame's origin (N, N, N m).
 #[derive(Debug, Clone, Copy)]
 pub struct BaseLaw {
     /// The law, from the effect's file.
@@ -22,7 +22,7 @@ pub struct BaseLaw {
     pub values: [f64; MAX_PARAMETERS],
 }
 
-/// A smooth torque on a link at its joint, beside the drive [N m].
+/// A smooth torque on a link at its joint, beside the drive (N m).
 #[derive(Debug, Clone, Copy)]
 pub struct JointLaw {
     /// Which joint, from 0.

@@ -28,11 +28,11 @@ pub struct Physics {
     pub joints: Vec<JointPhysics>,
     /// Servo drivers.
     pub servos: Vec<Servo>,
-    /// A point mass at the end-effector [kg].
+    /// A point mass at the end-effector (kg).
     pub payload_kg: f64,
     /// A body held by the last link.
     pub grasped: Option<Grasped>,
-    /// Steady acceleration of every body, table frame [m/s^2].
+    /// Steady acceleration of every body, table frame (m/s^2).
     pub gravity_m_s2: [f64; 2],
     /// Forces on the base.
     pub base_laws: Vec<BaseLaw>,
@@ -153,7 +153,7 @@ impl Physics {
     }
 
     /// Sum of the forces that the effects put on the base, table axes, about the base frame's
-    /// origin [N, N, N m].
+    /// origin (N, N, N m).
     #[inline]
     pub fn base_wrench(&self, motion: &BaseMotion) -> [f64; 3] {
         let mut sum = [0.0; 3];

@@ -9,30 +9,30 @@ use crate::parts::Link;
 pub struct BasePhysics {
     /// A base that cannot move.
     pub clamped: bool,
-    /// Mass with a full tank [kg].
+    /// Mass with a full tank (kg).
     pub mass_kg: f64,
-    /// Moment of inertia about the centre of mass [kg m^2].
+    /// Moment of inertia about the centre of mass (kg m^2).
     pub inertia_kg_m2: f64,
-    /// Centre of mass in the base frame [m].
+    /// Centre of mass in the base frame (m).
     pub com_m: [f64; 2],
-    /// Joint 1 in the base frame [m].
+    /// Joint 1 in the base frame (m).
     pub joint1_xy_m: [f64; 2],
-    /// Direction of link 1 in the base frame at zero [rad].
+    /// Direction of link 1 in the base frame at zero (rad).
     pub joint1_angle_rad: f64,
 }
 
 /// A link as it really is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkPhysics {
-    /// Joint to next joint [m].
+    /// Joint to next joint (m).
     pub length_m: f64,
-    /// Centre of mass before the next joint [m].
+    /// Centre of mass before the next joint (m).
     pub com_to_next_joint_m: f64,
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// About the centre of mass [kg m^2].
+    /// About the centre of mass (kg m^2).
     pub inertia_kg_m2: f64,
-    /// Geometric angle less joint angle [rad].
+    /// Geometric angle less joint angle (rad).
     pub joint_offset_rad: f64,
 }
 
@@ -41,29 +41,29 @@ pub struct LinkPhysics {
 pub struct JointPhysics {
     /// Friction in the drive.
     pub friction: Friction,
-    /// Stiffness between rotor and link; `None` is rigid [N m/rad].
+    /// Stiffness between rotor and link; `None` is rigid (N m/rad).
     pub stiffness_n_m_rad: Option<f64>,
-    /// Free play between rotor and link, whole width [rad].
+    /// Free play between rotor and link, whole width (rad).
     pub backlash_rad: f64,
-    /// Link angle less motor angle is this times the sine of the turns [rad].
+    /// Link angle less motor angle is this times the sine of the turns (rad).
     pub kinematic_error_rad: f64,
     /// Periods of the kinematic error in one turn of the joint.
     pub kinematic_cycles: f64,
-    /// Torque per current that the driver counts on [N m/A].
+    /// Torque per current that the driver counts on (N m/A).
     pub torque_constant_n_m_a: f64,
     /// Real torque over nominal torque for the same current.
     pub torque_scale: f64,
-    /// Largest nominal motor torque [N m].
+    /// Largest nominal motor torque (N m).
     pub max_torque_n_m: f64,
-    /// Stops at plus and minus this joint angle [rad].
+    /// Stops at plus and minus this joint angle (rad).
     pub limit_rad: f64,
     /// Encoder reading over truth.
     pub encoder_scale: f64,
-    /// Encoder reading at zero [rad].
+    /// Encoder reading at zero (rad).
     pub encoder_offset_rad: f64,
     /// Torque sensor reading over truth.
     pub torque_sensor_scale: f64,
-    /// Torque sensor reading at zero [N m].
+    /// Torque sensor reading at zero (N m).
     pub torque_sensor_bias_n_m: f64,
 }
 
@@ -72,21 +72,21 @@ pub struct JointPhysics {
 pub struct ThrusterPhysics {
     /// Command line, from 0, that opens this valve.
     pub line: usize,
-    /// Where the force acts, base frame [m].
+    /// Where the force acts, base frame (m).
     pub position_m: [f64; 2],
-    /// Direction of the force in the base frame [rad].
+    /// Direction of the force in the base frame (rad).
     pub direction_rad: f64,
-    /// Thrust with one valve open and a full tank [N].
+    /// Thrust with one valve open and a full tank (N).
     pub thrust_n: f64,
-    /// Thrust while closed [N].
+    /// Thrust while closed (N).
     pub leak_n: f64,
-    /// Command to first movement [s].
+    /// Command to first movement (s).
     pub delay_s: f64,
-    /// Time constant of opening [s].
+    /// Time constant of opening (s).
     pub rise_s: f64,
-    /// Time constant of closing [s].
+    /// Time constant of closing (s).
     pub fall_s: f64,
-    /// Shortest opening [s].
+    /// Shortest opening (s).
     pub min_on_s: f64,
     /// Share of the thrust that the plume gives back to a link that it hits.
     pub plume_fraction: f64,
@@ -97,20 +97,20 @@ pub struct ThrusterPhysics {
 pub struct SupplyPhysics {
     /// Share of thrust lost for each further open valve.
     pub droop_per_extra_valve: f64,
-    /// Relative change of thrust with time [1/s].
+    /// Relative change of thrust with time (1/s).
     pub trend_per_s: f64,
-    /// When the trend begins [s].
+    /// When the trend begins (s).
     pub trend_since_s: f64,
 }
 
 /// A body held by the last link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grasped {
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass_kg: f64,
-    /// About its own centre of mass [kg m^2].
+    /// About its own centre of mass (kg m^2).
     pub inertia_kg_m2: f64,
-    /// Centre of mass in the link's frame: from its joint, x towards the tip [m].
+    /// Centre of mass in the link's frame: from its joint, x towards the tip (m).
     pub at_m: [f64; 2],
 }
 
