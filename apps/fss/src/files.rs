@@ -1,13 +1,13 @@
 //! Reading the files a person writes, with errors that show the line.
 
-use miette::{Diagnostic, NamedSource, SourceSpan};
+use miette::{Diagnostic, NamedSource, Report, Result, SourceSpan};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A file that could not be read or that says something wrong; printed with the line in question.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("{path}: {message}")]
-pub struct FileError {
+struct FileError {
     path: String,
     message: String,
     #[help]
@@ -29,7 +29,7 @@ pub struct TextFile {
 
 impl TextFile {
     /// Reads the file.
-    pub fn read(path: &Path, what: &str) -> Result<Self, FileError> {
+    pub fn read(path: &Path, what: &str) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| FileError {
             path: path.display().to_string(),
             message: format!("cannot read the {what}: {e}"),
@@ -41,7 +41,7 @@ impl TextFile {
     }
 
     /// What is wrong with it, where, and what to do.
-    pub fn error(&self, message: String, help: String, span: Option<Range<usize>>) -> FileError {
+    pub fn error(&self, message: String, help: String, span: Option<Range<usize>>) -> Report {
         let path = self.path.display().to_string();
         let line = span.as_ref().map(|s| self.text[..s.start.min(self.text.len())].matches('\n').count() + 1);
         FileError {
@@ -51,5 +51,6 @@ impl TextFile {
             source_code: span.is_some().then(|| NamedSource::new(path, self.text.clone())),
             span: span.map(Into::into),
         }
+        .into()
     }
 }

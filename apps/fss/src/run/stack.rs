@@ -1,6 +1,6 @@
 //! A stack as its three files describe it: launch file, plant file, mission file.
 
-use crate::files::{FileError, TextFile};
+use crate::files::TextFile;
 use fss_bus::launch::Launch;
 use fss_mission::Mission;
 use fss_plant::Plant;
@@ -89,7 +89,7 @@ impl Stack {
             );
             let help =
                 format!("give [devices] links = [...] one address for each [[link]] of {}", plant_file.path.display());
-            return Err(launch_file.error(message, help, None).into());
+            return Err(launch_file.error(message, help, None));
         }
         Ok(Self {
             launch,
@@ -119,7 +119,7 @@ impl Stack {
     }
 }
 
-fn file_or(path: Option<&Path>, what: &str, own_name: &str, own_text: &str) -> Result<TextFile, FileError> {
+fn file_or(path: Option<&Path>, what: &str, own_name: &str, own_text: &str) -> Result<TextFile> {
     match path {
         Some(path) => TextFile::read(path, what),
         None => Ok(TextFile { path: PathBuf::from(format!("built-in {own_name}")), text: own_text.to_owned() }),

@@ -36,7 +36,8 @@ pub struct Summary {
 #[derive(Debug, Serialize)]
 pub struct Topic {
     /// Its name.
-    pub topic: String,
+    #[serde(rename = "topic")]
+    pub name: String,
     /// Messages in the log.
     pub count: u64,
     /// Messages a second.
@@ -53,6 +54,7 @@ pub struct Rotation {
 }
 
 /// What the end-effector did, from the truth.
+#[allow(clippy::struct_field_names)] // all are lengths
 #[derive(Debug, Serialize)]
 pub struct EndEffector {
     /// Distance between its first and last position, m.
@@ -115,10 +117,7 @@ impl Summary {
             gas_used_kg: truth.last().map(|t| t.gas_used_kg),
             services: services(&log.samples(&name(topic::HEALTH.name))?),
             warnings: warnings(&log.samples(&name(topic::EVENTS.name))?, first_ns),
-            topics: topics
-                .into_iter()
-                .map(|t| Topic { rate_hz: t.rate_hz(), topic: t.topic, count: t.count })
-                .collect(),
+            topics: topics.into_iter().map(|t| Topic { rate_hz: t.rate_hz(), name: t.topic, count: t.count }).collect(),
         })
     }
 
@@ -126,7 +125,7 @@ impl Summary {
     pub fn print(&self) {
         println!("\n{:<26} {:>8} {:>10}", "topic", "count", "rate Hz");
         for t in &self.topics {
-            println!("{:<26} {:>8} {:>10}", t.topic, t.count, number(t.rate_hz, 1.0, 2));
+            println!("{:<26} {:>8} {:>10}", t.name, t.count, number(t.rate_hz, 1.0, 2));
         }
         println!("\nmission            {} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s);
         if let Some(r) = &self.base_rotation_deg {
