@@ -1,5 +1,6 @@
 //! The plant file: one laboratory in TOML, and its strict reader and writer.
 
+use fss_multibody::{Model, ModelError};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use toml::Spanned;
@@ -11,6 +12,7 @@ use crate::error::{Fault, PlantError};
 use crate::parts::{
     Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty, Valves,
 };
+use crate::physics::Physics;
 
 /// The plant file that is used where none is given: the paper's laboratory.
 pub const DEFAULT_PLANT: &str = include_str!("../../../deploy/etc/plants/fss.toml");
@@ -126,6 +128,14 @@ impl Plant {
         let f = self.thrust_n(thruster);
         let torque = t.position_m[0] * d[1] - t.position_m[1] * d[0];
         [f * d[0], f * d[1], f * torque]
+    }
+
+    /// The mechanism with the effects that the plant has from the start.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible.
+    pub fn model(&self) -> Result<Model, ModelError> {
+        Physics::at(self, 0.0).model(0.0)
     }
 
     /// The same plant without its effects: what the laboratory believes.

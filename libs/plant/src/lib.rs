@@ -7,6 +7,19 @@
 //! - [`Simulation`] lets it move: commands in, time forward, [`Truth`] out.
 //! - [`Rollout`] is the base alone, fast, under recorded joints and valves, for identification.
 //! - [`Instruments`] are the sensors: what they say about the truth.
+//!
+//! ```
+//! use fss_plant::{Effect, JointCommand, Plant, Simulation};
+//!
+//! let weak = Effect::new("thruster_gain")?.at(3).with(&[0.72]);
+//! let plant = Plant::default_laboratory()?.with_effects(&[weak]);
+//! let mut simulation = Simulation::new(&plant, 1)?;
+//! simulation.set_joint(0, JointCommand::Position { q_rad: 0.5, qd_rad_s: 0.0 });
+//! simulation.set_valve(2, true, 0.0);
+//! simulation.step(2.0);
+//! println!("the base turned by {:.3} rad", simulation.truth().base_pose[2]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod advance;
 mod check;

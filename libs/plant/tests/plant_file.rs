@@ -246,6 +246,37 @@ fn a_drawn_laboratory_is_off_by_its_uncertainty() {
 }
 
 #[test]
+fn every_candidate_is_one_that_the_plant_can_have() {
+    let plant = Plant::default_laboratory().unwrap();
+    let candidates = effects::candidates(&plant);
+    for effect in &candidates {
+        effect.validate(&plant).unwrap();
+    }
+    let count = |id: &str| candidates.iter().filter(|e| e.id() == id).count();
+    assert_eq!((count("table_tilt"), count("thruster_gain"), count("encoder_offset")), (1, 8, 4));
+    assert_eq!((count("valve_swap"), count("clock_offset"), count("unmodelled")), (28, effects::STREAMS.len(), 0));
+    let friction = candidates.iter().find(|e| e.id() == "joint_coulomb_friction").unwrap();
+    assert_eq!(friction.values(), [0.1], "the plant's own value");
+}
+
+#[test]
+fn candidates_at_their_nominal_values_change_nothing() {
+    let plant = Plant::default_laboratory().unwrap();
+    let nominal = format!("{:?}", fss_plant::Physics::nominal(&plant));
+    for effect in effects::candidates(&plant) {
+        // A spring or a drag of no strength is still a law; a swap has no value that does nothing, and a drive of the
+        // largest stiffness is rigid but for its rotor.
+        if ["valve_swap", "joint_flexibility"].contains(&effect.id()) {
+            continue;
+        }
+        let mut physics = fss_plant::Physics::with(&plant, [&effect]);
+        physics.base_laws.clear();
+        physics.joint_laws.clear();
+        assert_eq!(format!("{physics:?}"), nominal, "{effect}");
+    }
+}
+
+#[test]
 fn the_page_of_effects_is_current() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/effects.md");
     let page = fss_plant::effects_table_markdown();

@@ -2,7 +2,9 @@
 //!
 //! To add one, write its file and add its line to the list below.
 
-use crate::kind::EffectKind;
+use crate::effect::Effect;
+use crate::file::Plant;
+use crate::kind::{EffectKind, Index, Place};
 use crate::physics::Stream;
 
 mod base_angular_drag;
@@ -105,6 +107,32 @@ pub fn catalogue() -> &'static [&'static dyn EffectKind] {
 /// The kind with this id.
 pub fn find(id: &str) -> Option<&'static dyn EffectKind> {
     CATALOGUE.iter().copied().find(|k| k.about().id == id)
+}
+
+/// Every single cause that `plant` can have, at the value that does nothing: each kind on each index, data stream or pair
+/// of valves. What is unmodelled is not among them.
+pub fn candidates(plant: &Plant) -> Vec<Effect> {
+    let mut all = Vec::new();
+    for kind in CATALOGUE.iter().copied().filter(|k| k.about().place != Place::Unknown) {
+        let about = kind.about();
+        let count = about.index.count(plant);
+        match about.index {
+            Index::None => all.push(Effect::of(kind)),
+            Index::Channel => all.extend(STREAMS.iter().map(|stream| Effect::of(kind).on(stream))),
+            _ if about.id == "valve_swap" => {
+                for i in 1..=count {
+                    all.extend((i + 1..=count).map(|other| Effect::of(kind).at(i).with(&[other as f64])));
+                }
+            }
+            _ => all.extend((1..=count).map(|i| Effect::of(kind).at(i))),
+        }
+    }
+    for effect in &mut all {
+        if effect.id() != "valve_swap" {
+            *effect = effect.clone().nominal(plant);
+        }
+    }
+    all
 }
 
 /// Names of data streams that `clock_offset` knows, as the files of a measured experiment are
