@@ -184,7 +184,10 @@ fn wrong_files_are_refused_with_their_line() {
     refused(&["run", "--launch", &launch, "--out", out], &["launch.toml:", "there is no service 'leg'"]);
     let launch = write("links.toml", &lab.replace("\"127.0.0.1:51101\", ", ""));
     refused(&["run", "--launch", &launch, "--out", out], &["3 link addresses", "4 links"]);
-    let mission = write("m.toml", "name = \"m\"\ndescription = \"d\"\n[[phase]]\nname = \"p\"\nduration_s = -1\nbase = { goal = \"free\" }\narm = { goal = \"hold\" }\n");
+    let mission = write(
+        "m.toml",
+        "name = \"m\"\ndescription = \"d\"\n[[phase]]\nname = \"p\"\nduration_s = -1\nbase = { goal = \"free\" }\narm = { goal = \"hold\" }\n",
+    );
     refused(&["run", &mission, "--out", out], &["m.toml:5", "duration_s"]);
     assert!(!Path::new(out).exists(), "a refused run writes nothing");
 }
@@ -194,7 +197,16 @@ fn a_service_alone_names_the_device_it_misses() {
     let folder = tempfile::tempdir().unwrap();
     let launch = launch_file(folder.path(), 52_070);
     let out = folder.path().join("out");
-    succeed(&["run", "hold", "--fast", "--quiet", "--launch", launch.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    succeed(&[
+        "run",
+        "hold",
+        "--fast",
+        "--quiet",
+        "--launch",
+        launch.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
     let bus = format!("fsstest{}_", std::process::id());
     let run = out.to_str().unwrap();
     refused(&["service", "fusion", "--run", run, "--bus", &bus], &["gyro", "gyro.tty", "[devices] gyro"]);
