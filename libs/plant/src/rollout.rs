@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use crate::effect::Effect;
 use crate::file::Plant;
 use crate::physics::{BaseMotion, Physics, Stream};
+use crate::thrust::plume_hit;
 use crate::valves::Valve;
 
 /// Joint angles and rates at one time; zero beyond the last joint.
@@ -99,8 +100,9 @@ impl Rollout {
     }
 
     /// Mean thrust on the base in each step of the grid, base axes, about the base frame's origin
-    /// `[N, N, N m]`: what the valves make of their commands.
-    pub fn thrust(&self, valves: &ValveHistory, grid: &Grid) -> Vec<[f64; 3]> {
+    /// `[N, N, N m]`: what the valves make of their commands. `joints` is as in [`Rollout::run`]; plumes that hit the arm
+    /// push it.
+    pub fn thrust(&self, valves: &ValveHistory, grid: &Grid, joints: &[JointSample]) -> Vec<[f64; 3]> {
         let physics = self.physics(grid.start_s);
         let early = physics.sensors.clock_offset_s[Stream::Valves as usize];
         let mut states = vec![Valve::new(); physics.thrusters.len()];
@@ -110,7 +112,8 @@ impl Rollout {
         for step in 0..=grid.steps {
             // The first pass only brings the valves to the start of the grid.
             let to = grid.start_s + step as f64 * grid.step_s;
-            let physics = self.physics(to - 0.5 * grid.step_s);
+            let middle = to - 0.5 * grid.step_s;
+            let (_, physics, model) = &self.stages[self.stage(middle)];
             while let Some((stamp, open)) = rows.next_if(|(stamp, _)| stamp - early < to) {
                 for (valve, thruster) in states.iter_mut().zip(&physics.thrusters) {
                     let open = open.get(thruster.line).copied().unwrap_or(false);
@@ -132,7 +135,8 @@ impl Rollout {
             }
             now = to;
             if step > 0 {
-                out.push(mean_thrust(physics, &states, to - 0.5 * grid.step_s));
+                let arm = joints.get(2 * step - 1).or(joints.last());
+                out.push(mean_thrust(physics, model, &states, middle, arm));
             }
         }
         out
@@ -159,26 +163,30 @@ impl Rollout {
             let now = self.stage(t_s + 1e-9);
             if now != stage {
                 // Velocities go on as they are, momentum is what the new masses make of it.
-                let before = self.sample(stage, t_s, &state, joint(2 * step));
+                let rates = self.rates(stage, t_s, &state, joint(2 * step), [0.0; 3]);
+                let before = BaseSample { t_s, pose: state.pose.into(), velocity: rates.pose.into() };
                 stage = now;
                 state = self.momentum_of(stage, &before, joint(2 * step));
             }
-            *sample = self.sample(stage, t_s, &state, joint(2 * step));
+            let push = thrust.get(step).copied().unwrap_or([0.0; 3]);
+            let k1 = self.rates(stage, t_s, &state, joint(2 * step), push);
+            *sample = BaseSample { t_s, pose: state.pose.into(), velocity: k1.pose.into() };
             if step < grid.steps {
-                let push = thrust.get(step).copied().unwrap_or([0.0; 3]);
-                let samples = [joint(2 * step), joint(2 * step + 1), joint(2 * step + 2)];
-                self.runge_kutta(stage, &mut state, t_s, grid.step_s, samples, push);
+                let ahead = [joint(2 * step + 1), joint(2 * step + 2)];
+                self.runge_kutta(stage, &mut state, &k1, t_s, grid.step_s, ahead, push);
             }
         }
     }
 
+    #[allow(clippy::too_many_arguments)] // one step's circumstances, all of which change from call to call
     fn runge_kutta(
         &self,
         stage: usize,
         state: &mut Momentum,
+        k1: &Momentum,
         t_s: f64,
         dt_s: f64,
-        [first, middle, last]: [&JointSample; 3],
+        [middle, last]: [&JointSample; 2],
         thrust: [f64; 3],
     ) {
         let half = 0.5 * dt_s;
@@ -186,8 +194,7 @@ impl Rollout {
             pose: state.pose + dt * k.pose,
             momentum: state.momentum + dt * k.momentum,
         };
-        let k1 = self.rates(stage, t_s, state, first, thrust);
-        let k2 = self.rates(stage, t_s + half, &moved(&k1, half), middle, thrust);
+        let k2 = self.rates(stage, t_s + half, &moved(k1, half), middle, thrust);
         let k3 = self.rates(stage, t_s + half, &moved(&k2, half), middle, thrust);
         let k4 = self.rates(stage, t_s + dt_s, &moved(&k3, dt_s), last, thrust);
         let sixth = dt_s / 6.0;
@@ -223,22 +230,23 @@ impl Rollout {
         let momentum = self.stages[stage].2.momentum(&State { q, v }).about_base();
         Momentum { pose, momentum: about_origin(&pose, &momentum) }
     }
-
-    fn sample(&self, stage: usize, t_s: f64, state: &Momentum, joint: &JointSample) -> BaseSample {
-        let q = coordinates(&state.pose, &joint.q_rad);
-        let about_base = about_base(&state.pose, &state.momentum);
-        let velocity = self.stages[stage].2.base_twist(&q, &joint.qd_rad_s, &about_base);
-        BaseSample { t_s, pose: state.pose.into(), velocity: velocity.into() }
-    }
 }
 
-fn mean_thrust(physics: &Physics, valves: &[Valve], t_s: f64) -> [f64; 3] {
+fn mean_thrust(physics: &Physics, model: &Model, valves: &[Valve], t_s: f64, arm: Option<&JointSample>) -> [f64; 3] {
     let trend = physics.supply.trend(t_s);
     let open_sum: f64 = valves.iter().map(|v| v.mean).sum();
     let mut sum = [0.0; 3];
     for (valve, thruster) in valves.iter().zip(&physics.thrusters) {
         let force = trend * thruster.force_n(valve.mean, open_sum, &physics.supply);
-        for (s, u) in sum.iter_mut().zip(thruster.unit_wrench()) {
+        let mut unit = thruster.unit_wrench();
+        // In base axes the plume and the arm are where the joints say, wherever the base is.
+        let hit = arm.and_then(|arm| plume_hit(thruster, model, &coordinates(&Vector3::zeros(), &arm.q_rad)));
+        if let Some(hit) = hit {
+            unit[0] += hit.push[0];
+            unit[1] += hit.push[1];
+            unit[2] += hit.at_m[0] * hit.push[1] - hit.at_m[1] * hit.push[0];
+        }
+        for (s, u) in sum.iter_mut().zip(unit) {
             *s += force * u;
         }
     }

@@ -1,5 +1,7 @@
 //! Force of a thruster, on the base and, by its plume, on the arm.
 
+use fss_multibody::{Coordinates, Model};
+
 use crate::dynamics::{Dynamics, Load, Motion};
 use crate::physics::{SupplyPhysics, ThrusterPhysics};
 
@@ -42,15 +44,27 @@ pub(crate) fn push(load: &mut Load, thruster: &ThrusterPhysics, force_n: f64, dy
     for (sum, u) in load.thrust.iter_mut().zip(unit) {
         *sum += force_n * u;
     }
-    if thruster.plume_fraction > 0.0 {
-        push_arm(load, thruster, force_n, dynamics, motion);
+    let (model, q) = (&dynamics.model, &motion.state.q);
+    if let Some(hit) = plume_hit(thruster, model, q) {
+        push_arm(load, &hit, force_n, model, q);
     }
 }
 
-/// A link whose centre of mass lies in the plume is pushed along it, the nearest one only.
-fn push_arm(load: &mut Load, thruster: &ThrusterPhysics, force_n: f64, dynamics: &Dynamics, motion: &Motion) {
-    let q = &motion.state.q;
-    let model = &dynamics.model;
+/// A link that a plume hits.
+pub(crate) struct Hit {
+    /// Which link, from 1.
+    pub(crate) link: usize,
+    /// Its centre of mass, where the plume pushes, table frame (m).
+    pub(crate) at_m: [f64; 2],
+    /// Push for one newton of thrust, table axes.
+    pub(crate) push: [f64; 2],
+}
+
+/// The nearest link along the arm whose centre of mass lies in the thruster's plume, if any.
+pub(crate) fn plume_hit(thruster: &ThrusterPhysics, model: &Model, q: &Coordinates) -> Option<Hit> {
+    if thruster.plume_fraction <= 0.0 {
+        return None;
+    }
     let kinematics = model.kinematics(q);
     let (sin, cos) = q[2].sin_cos();
     let [px, py] = thruster.position_m;
@@ -67,15 +81,18 @@ fn push_arm(load: &mut Load, thruster: &ThrusterPhysics, force_n: f64, dynamics:
         let off_axis = across.atan2(along).abs() / PLUME_HALF_ANGLE_RAD;
         if off_axis < 1.0 {
             // Full on the axis, nothing at the cone's edge, smooth between.
-            let share = (1.0 - off_axis * off_axis).powi(2);
-            let push = -thruster.plume_fraction * share * force_n;
-            let body = &model.links()[link - 1];
-            let at = [body.length_m - body.com_to_next_joint_m, body.com_offset_m];
-            let jacobian = model.point_jacobian(q, link, at);
-            for i in 0..model.dof() {
-                load.steady[i] += push * (jacobian[(0, i)] * dx + jacobian[(1, i)] * dy);
-            }
-            return;
+            let share = -thruster.plume_fraction * (1.0 - off_axis * off_axis).powi(2);
+            return Some(Hit { link, at_m: [com.x, com.y], push: [share * dx, share * dy] });
         }
+    }
+    None
+}
+
+fn push_arm(load: &mut Load, hit: &Hit, force_n: f64, model: &Model, q: &Coordinates) {
+    let body = &model.links()[hit.link - 1];
+    let at = [body.length_m - body.com_to_next_joint_m, body.com_offset_m];
+    let jacobian = model.point_jacobian(q, hit.link, at);
+    for i in 0..model.dof() {
+        load.steady[i] += force_n * (jacobian[(0, i)] * hit.push[0] + jacobian[(1, i)] * hit.push[1]);
     }
 }

@@ -133,7 +133,7 @@ fn a_valve_clock_that_is_ahead_makes_valves_act_before_their_stamps() {
     let mut open = vec![false; 8];
     open[2] = true;
     let rows = ValveHistory::new(vec![(0.0, vec![false; 8]), (0.5, open), (0.7, vec![false; 8])]);
-    let thrust = rollout.thrust(&rows, &Grid { start_s: 0.0, step_s: 0.01, steps: 100 });
+    let thrust = rollout.thrust(&rows, &Grid { start_s: 0.0, step_s: 0.01, steps: 100 }, &[]);
     let on: Vec<usize> = (0..100).filter(|i| thrust[*i][0] > 0.0).collect();
     assert_eq!((on[0], on.len()), (46, 20), "from 0.46 s to 0.66 s");
 }

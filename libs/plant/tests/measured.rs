@@ -63,7 +63,7 @@ fn misfit(case: &std::path::Path, run: &str, effects: &[Effect]) -> f64 {
         }
         let arm = [JointSample { q_rad, qd_rad_s: JointVector::zeros() }];
         let grid = Grid { start_s, step_s: 0.01, steps: WINDOW };
-        let thrust = rollout.thrust(&valves, &grid);
+        let thrust = rollout.thrust(&valves, &grid, &arm);
         let fly = |x: &SVector<f64, 6>| {
             let pose = [x[0], x[1], x[2]];
             let start = BaseSample { t_s: start_s, pose, velocity: [x[3], x[4], x[5]] };

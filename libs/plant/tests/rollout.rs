@@ -40,7 +40,7 @@ fn difference(effects: &[Effect]) -> (f64, f64) {
     }
     let rollout = Rollout::with(&plant, effects).unwrap();
     let start = BaseSample { t_s: 0.0, pose: START, velocity: VELOCITY };
-    let thrust = rollout.thrust(&ValveHistory::new(rows), &grid);
+    let thrust = rollout.thrust(&ValveHistory::new(rows), &grid, &joints);
     let mut out = vec![start; grid.steps + 1];
     rollout.run(&start, &grid, &joints, &thrust, &mut out);
     let mut worst = (0.0_f64, 0.0_f64);
@@ -66,6 +66,7 @@ fn effects_act_alike_in_both() {
         effect("thruster_delay", &[("delay_s", 0.037)]).at(2),
         effect("thruster_rise_time", &[("time_s", 0.02)]).at(3),
         effect("thruster_gain", &[("scale", 0.5)]).at(1),
+        effect("plume_impingement", &[("fraction", 0.4)]),
         effect("payload", &[("mass_kg", 0.7)]).from_onset(2.0),
         effect("base_com", &[("x_m", 0.02), ("y_m", -0.01)]),
     ];
@@ -78,7 +79,7 @@ fn a_window_in_the_middle_of_a_run_knows_the_valves_before_it() {
     let rollout = Rollout::new(&quiet()).unwrap();
     let rows = vec![(0.5, vec![false, false, true, false, false, false, false, false]), (1.005, vec![false; 8])];
     let grid = Grid { start_s: 1.0, step_s: 0.01, steps: 3 };
-    let thrust = rollout.thrust(&ValveHistory::new(rows), &grid);
+    let thrust = rollout.thrust(&ValveHistory::new(rows), &grid, &[]);
     close(thrust[0][0], 0.5 * 0.159, 1e-12);
     close(thrust[1][0], 0.0, 1e-12);
 }
