@@ -1,3 +1,4 @@
-//! To disk and back: MCAP logs of the stack's own ([`log`]), and measured experiments (`fss-experiment/1`).
+//! To disk and back: MCAP logs of the stack's own ([`log`]), and measured experiments ([`experiment`]).
 
+pub mod experiment;
 pub mod log;

@@ -1,0 +1,132 @@
+//! Measured experiments in the format `fss-experiment/1`: one folder a run, plain CSV, SI units, angles in radians.
+//!
+//! A missing file means that the channel was not measured, and columns may be missing; what is there must be whole:
+//! a file that is malformed is refused with its row and column.
+
+mod table;
+
+pub use table::Table;
+
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Why an experiment could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ExperimentError {
+    /// The file system refused.
+    #[error("{path}: {source}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file does not say what it should.
+    #[error("{path}:{row}: column '{column}': {reason}", path = path.display())]
+    Cell {
+        /// The file.
+        path: PathBuf,
+        /// The line in the file, the heading being line 1.
+        row: usize,
+        /// The column's name.
+        column: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// `run.toml` is malformed.
+    #[error("{path}: {reason}", path = path.display())]
+    Description {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and where.
+        reason: String,
+    },
+}
+
+/// What the joints' drivers were told to follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JointMode {
+    /// Angles.
+    Position,
+    /// Rates.
+    Velocity,
+    /// Currents.
+    Current,
+    /// Nothing: the joints are not driven.
+    None,
+}
+
+#[derive(Deserialize)]
+struct Description {
+    format: String,
+    name: String,
+    duration_s: Option<f64>,
+    joint_mode: Option<JointMode>,
+}
+
+/// The format that this module reads.
+const FORMAT: &str = "fss-experiment/1";
+
+/// One run of an experiment; a channel that was not measured is `None`.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// The run's folder.
+    pub folder: PathBuf,
+    /// What was done.
+    pub name: String,
+    /// How long it took, s, where `run.toml` says so.
+    pub duration_s: Option<f64>,
+    /// What the drivers followed; none where `run.toml` does not say.
+    pub joint_mode: JointMode,
+    /// `x_m, y_m, theta_rad` of the base frame in the table frame; theta unwrapped.
+    pub base_pose: Option<Table>,
+    /// The same of the end-effector.
+    pub ee_pose: Option<Table>,
+    /// `rate_rad_s` of the base.
+    pub gyro: Option<Table>,
+    /// `q1_rad.., qd1_rad_s.., current1_A.., torque1_Nm..`, as far as they were measured.
+    pub joints: Option<Table>,
+    /// `q1_rad..` that the drivers were told.
+    pub joint_command: Option<Table>,
+    /// `v1..`, 1 is open, held until the next row.
+    pub valves: Option<Table>,
+}
+
+impl Experiment {
+    /// Reads a run's folder.
+    ///
+    /// # Errors
+    /// Names the file, the row and the column.
+    pub fn read(folder: &Path) -> Result<Self, ExperimentError> {
+        let path = folder.join("run.toml");
+        let text =
+            std::fs::read_to_string(&path).map_err(|source| ExperimentError::File { path: path.clone(), source })?;
+        let refuse = |reason: String| ExperimentError::Description { path: path.clone(), reason };
+        let description: Description = toml::from_str(&text).map_err(|e| refuse(e.to_string()))?;
+        if description.format != FORMAT {
+            return Err(refuse(format!("format = \"{}\": this reader knows \"{FORMAT}\"", description.format)));
+        }
+        let table = |name: &str| Table::read(&folder.join(name));
+        let pose = |name: &str| {
+            table(name).map(|table| {
+                table.map(|mut table| {
+                    table.unwrap_angles("theta_rad");
+                    table
+                })
+            })
+        };
+        Ok(Self {
+            folder: folder.to_owned(),
+            name: description.name,
+            duration_s: description.duration_s,
+            joint_mode: description.joint_mode.unwrap_or(JointMode::None),
+            base_pose: pose("base_pose.csv")?,
+            ee_pose: pose("ee_pose.csv")?,
+            gyro: table("gyro.csv")?,
+            joints: table("joints.csv")?,
+            joint_command: table("joint_command.csv")?,
+            valves: table("valves.csv")?,
+        })
+    }
+}
