@@ -3,8 +3,13 @@
 //! With white acceleration noise the two translations and the rotation do not couple, so the seven states are three
 //! small filters: (x, vx), (y, vy) and (theta, omega, gyro bias). Motion capture measures x, y and theta together, late;
 //! the gyro measures omega + bias. The filter stands at the time of the newest measurement it has fused (the delayed
-//! horizon); gyro readings that are newer wait until motion capture has caught up with them, and [`Filter::at`] predicts
-//! from the horizon to now with all of them.
+//! horizon); gyro readings that are newer wait until motion capture has caught up with them.
+//!
+//! How strong the accelerations are changes: a base that floats is shaken by air and thrusters, a base whose arm swings
+//! by thirty times as much. So the process noise adapts. Innovations of a filter that follows are white; those of one that
+//! lags keep their sign. Their running mean ([`Unrest`]) moves the density between that of a quiet and that of a restless
+//! base, so that a quiet base has a quiet velocity and a swinging arm costs a fraction of a millimetre. Without motion
+//! capture the base counts as restless, and the stated uncertainty grows accordingly.
 
 use fss_bus::Time;
 use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2, Vector3};
@@ -21,18 +26,46 @@ pub struct Noise {
     pub mocap_angle_rad: f64,
     /// Of a gyro reading, rad/s.
     pub gyro_rad_s: f64,
-    /// Density of unknown acceleration of the base, m/s2 per root Hz.
-    pub acceleration_m_s2_rt_hz: f64,
-    /// Density of unknown angular acceleration of the base, rad/s2 per root Hz.
-    pub angular_acceleration_rad_s2_rt_hz: f64,
+    /// Density of unknown acceleration of the base, m/s2 per root Hz: of a quiet and of a restless base.
+    pub acceleration_m_s2_rt_hz: [f64; 2],
+    /// Density of unknown angular acceleration of the base, rad/s2 per root Hz: of a quiet and of a restless base.
+    pub angular_acceleration_rad_s2_rt_hz: [f64; 2],
     /// Density of the gyro bias's walk, rad/s per root s.
     pub bias_walk_rad_s_rt_s: f64,
 }
+
+/// A rate that differs from the expected one by more than this and so many standard deviations is refused: 20 rad/s2,
+/// more than the arm's joints can do to the base, for the time between two readings.
+const LARGEST_RATE_STEP_RAD_S: f64 = 0.2;
+const RATE_GATE: f64 = 5.0;
 
 /// What is not known at the first measurement; standard deviations.
 const START_SPEED_M_S: f64 = 0.2;
 const START_RATE_RAD_S: f64 = 0.5;
 const START_BIAS_RAD_S: f64 = 0.01;
+
+/// The base counts as restless when no pose has been used for this long, s.
+const UNSEEN_S: f64 = 0.06;
+
+/// How much the last innovations of one coordinate lean to one side: their running mean over their standard deviation.
+#[derive(Clone, Copy, Debug, Default)]
+struct Unrest(f64);
+
+impl Unrest {
+    /// Share of a new innovation in the mean. The mean of white innovations then has a standard deviation of 0.3.
+    const SHARE: f64 = 1.0 / 6.0;
+    /// Up to here the base is quiet, from there on it is restless.
+    const RANGE: [f64; 2] = [0.4, 1.6];
+
+    fn note(&mut self, innovation: f64, variance: f64) {
+        self.0 += Self::SHARE * (innovation / variance.sqrt() - self.0);
+    }
+
+    fn density(self, [quiet, restless]: [f64; 2]) -> f64 {
+        let [from, to] = Self::RANGE;
+        quiet + (restless - quiet) * ((self.0.abs() - from) / (to - from)).clamp(0.0, 1.0)
+    }
+}
 
 /// A pose as motion capture measures it: x m, y m, theta rad.
 pub type Pose = [f64; 3];
@@ -79,10 +112,10 @@ impl Rotation {
         Self { state: Vector3::new(heading, 0.0, 0.0), covariance: Matrix3::from_diagonal(&sd.component_mul(&sd)) }
     }
 
-    fn predict(&mut self, dt: f64, noise: &Noise) {
+    fn predict(&mut self, dt: f64, density: f64, bias_walk: f64) {
         let transition = Matrix3::new(1.0, dt, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-        let q = noise.angular_acceleration_rad_s2_rt_hz.powi(2);
-        let walk = noise.bias_walk_rad_s_rt_s.powi(2) * dt;
+        let q = density * density;
+        let walk = bias_walk * bias_walk * dt;
         let (a, b) = (q * dt * dt * dt / 3.0, q * dt * dt / 2.0);
         let process = Matrix3::new(a, b, 0.0, b, q * dt, 0.0, 0.0, 0.0, walk);
         self.state = transition * self.state;
@@ -103,9 +136,12 @@ impl Rotation {
 pub struct Filter {
     noise: Noise,
     time: Time,
+    /// When the last used pose was measured.
+    seen: Time,
     x: Axis,
     y: Axis,
     rotation: Rotation,
+    unrest: [Unrest; 3],
 }
 
 /// How a pose agreed with the prediction.
@@ -124,9 +160,11 @@ impl Filter {
         Self {
             noise,
             time,
+            seen: time,
             x: Axis::start(x, noise.mocap_position_m),
             y: Axis::start(y, noise.mocap_position_m),
             rotation: Rotation::start(theta, noise.mocap_angle_rad),
+            unrest: Default::default(),
         }
     }
 
@@ -139,9 +177,13 @@ impl Filter {
     pub fn predict_to(&mut self, time: Time) {
         let dt = time.seconds_since(self.time);
         if dt > 0.0 {
-            self.x.predict(dt, self.noise.acceleration_m_s2_rt_hz);
-            self.y.predict(dt, self.noise.acceleration_m_s2_rt_hz);
-            self.rotation.predict(dt, &self.noise);
+            let (linear, angular) = (self.noise.acceleration_m_s2_rt_hz, self.noise.angular_acceleration_rad_s2_rt_hz);
+            let unseen = time.seconds_since(self.seen) > UNSEEN_S;
+            let density = |unrest: Unrest, range: [f64; 2]| if unseen { range[1] } else { unrest.density(range) };
+            self.x.predict(dt, density(self.unrest[0], linear));
+            self.y.predict(dt, density(self.unrest[1], linear));
+            let walk = self.noise.bias_walk_rad_s_rt_s;
+            self.rotation.predict(dt, density(self.unrest[2], angular), walk);
             self.time = time;
         }
     }
@@ -166,16 +208,28 @@ impl Filter {
 
     /// Takes a pose measured at the estimate's time, by its innovation.
     pub fn update_pose(&mut self, innovation: &Innovation) {
-        let [x_variance, y_variance, _] = self.innovation_variance();
+        let variance @ [x_variance, y_variance, _] = self.innovation_variance();
+        for ((unrest, &innovation), variance) in self.unrest.iter_mut().zip(&innovation.pose).zip(variance) {
+            unrest.note(innovation, variance);
+        }
+        self.seen = self.time;
         self.x.update(innovation.pose[0], x_variance);
         self.y.update(innovation.pose[1], y_variance);
         self.rotation.update(&RowVector3::new(1.0, 0.0, 0.0), innovation.pose[2], self.noise.mocap_angle_rad);
     }
 
-    /// Takes a gyro reading made at the estimate's time, rad/s.
-    pub fn update_rate(&mut self, rate_rad_s: f64) {
+    /// Takes a gyro reading made at the estimate's time, rad/s; returns false where it is refused, because no base changes
+    /// its rate that fast.
+    #[must_use]
+    pub fn update_rate(&mut self, rate_rad_s: f64) -> bool {
         let innovation = rate_rad_s - self.rotation.state[1] - self.rotation.state[2];
+        let c = &self.rotation.covariance;
+        let variance = c[(1, 1)] + 2.0 * c[(1, 2)] + c[(2, 2)] + self.noise.gyro_rad_s.powi(2);
+        if innovation.abs() > LARGEST_RATE_STEP_RAD_S + RATE_GATE * variance.sqrt() {
+            return false;
+        }
         self.rotation.update(&RowVector3::new(0.0, 1.0, 1.0), innovation, self.noise.gyro_rad_s);
+        true
     }
 
     /// x m, y m, theta rad, vx m/s, vy m/s, omega rad/s, gyro bias rad/s.

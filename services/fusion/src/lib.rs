@@ -12,6 +12,7 @@ use filter::{Filter, GATE_D2, Noise, Pose};
 use fss_bus::{Feed, Output, Service, Time, inputs, outputs};
 use fss_messages::{Event, GyroRate, MocapPose, NavState, topic};
 use fss_plant::Plant;
+use std::f64::consts::TAU;
 
 /// Queue of motion capture frames.
 pub const VICON_QUEUE: &str = "fusion.vicon";
@@ -24,8 +25,14 @@ const COAST_AFTER_NS: u64 = 60_000_000;
 const LOST_AFTER_NS: u64 = 2_000_000_000;
 /// Age of the gyro from which it counts as missing, ns.
 const GYRO_MISSING_AFTER_NS: u64 = 100_000_000;
-/// After so many refused poses in a row the filter starts anew from motion capture.
+/// After so many refused poses in a row that agree with one another the filter starts anew from motion capture.
 const RESTART_AFTER_REFUSALS: u32 = 25;
+/// Refused poses agree where they are no farther apart than a fast base goes between two frames: m, m, rad.
+const AGREEING: [f64; 3] = [0.02, 0.02, 0.05];
+/// After so many equal readings in a row the gyro counts as frozen: a real one is never without noise.
+const FROZEN_AFTER_READINGS: u32 = 20;
+/// The gyro's longest interval between two readings that are one measurement after the other, ns.
+const LONGEST_GYRO_INTERVAL_NS: u64 = 20_000_000;
 /// Gyro readings that wait for motion capture at most this long, ns.
 const LONGEST_WAIT_NS: u64 = 50_000_000;
 /// Room for waiting gyro readings.
@@ -81,39 +88,65 @@ outputs! {
     }
 }
 
+/// A line of 14 characters at 38400 baud, 10 bits each, ns.
+const GYRO_LINE_NS: u64 = 14 * 10 * 1_000_000_000 / 38_400;
+
 /// What the service is told about its sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FusionConfig {
     /// Time from an event to the arrival of its motion capture, ns.
     pub mocap_latency_ns: u64,
+    /// Time that a gyro's line takes on the serial port, ns.
+    pub gyro_latency_ns: u64,
     /// What the filter assumes.
     pub noise: Noise,
 }
 
 impl FusionConfig {
-    /// For a plant's sensors. The unknown accelerations are those of the arm's reaction and of thrusters: a joint of
-    /// this arm may shake the base with some 0.1 m/s2 and 0.5 rad/s2 for a fraction of a second.
+    /// For a plant's sensors. A quiet base feels its thrusters, some 0.015 m/s2 on a vehicle with its arm; the reaction of
+    /// a joint that begins to swing at 0.3 rad/s shakes it with some 0.2 m/s2 and 1 rad/s2 for a fraction of a second.
     pub fn from_plant(plant: &Plant) -> Self {
         let s = &plant.sensors;
         Self {
             mocap_latency_ns: (s.mocap_latency_s * 1e9).round() as u64,
+            gyro_latency_ns: GYRO_LINE_NS,
             noise: Noise {
                 mocap_position_m: s.mocap_position_m.max(1e-5),
                 mocap_angle_rad: s.mocap_angle_rad.max(1e-5),
                 gyro_rad_s: s.gyro_rad_s.max(1e-5),
-                acceleration_m_s2_rt_hz: 0.004,
-                angular_acceleration_rad_s2_rt_hz: 0.03,
+                acceleration_m_s2_rt_hz: [0.003, 0.05],
+                angular_acceleration_rad_s2_rt_hz: [0.03, 0.3],
                 bias_walk_rad_s_rt_s: s.gyro_bias_walk_rad_s_sqrt_s.max(1e-6),
             },
         }
     }
 }
 
-/// A gyro reading that waits for motion capture to catch up with it.
+/// A gyro reading that waits for motion capture to catch up with it; its time is the middle of the interval over which the
+/// unit took the mean.
 #[derive(Clone, Copy)]
 struct Reading {
     time: Time,
     rate_rad_s: f64,
+}
+
+/// What the gyro said last, and how often it has said the same.
+#[derive(Clone, Copy, Default)]
+struct GyroWatch {
+    received_ns: u64,
+    rate_rad_s: f64,
+    repeats: u32,
+}
+
+impl GyroWatch {
+    /// Takes note of a reading; returns half the interval that it is the mean of, ns, and whether the gyro is alive. The
+    /// interval is measured: the unit's clock is its own.
+    fn note(&mut self, packet: &GyroPacket) -> (u64, bool) {
+        let interval_ns = packet.received_ns.saturating_sub(self.received_ns).min(LONGEST_GYRO_INTERVAL_NS);
+        self.repeats = if packet.rate_rad_s == self.rate_rad_s { self.repeats.saturating_add(1) } else { 0 };
+        (self.received_ns, self.rate_rad_s) = (packet.received_ns, packet.rate_rad_s);
+        (interval_ns / 2, self.repeats < FROZEN_AFTER_READINGS)
+    }
 }
 
 /// The service.
@@ -124,7 +157,10 @@ pub struct Fusion {
     last_frame: [Option<(u32, Pose)>; 3],
     last_mocap_ns: u64,
     last_gyro_ns: u64,
-    refused_in_a_row: u32,
+    gyro_watch: GyroWatch,
+    /// The last pose that was refused, and how many before it agree with it.
+    refused: Option<(Pose, u32)>,
+    restarted: bool,
     nav: NavState,
 }
 
@@ -138,7 +174,9 @@ impl Fusion {
             last_frame: [None; 3],
             last_mocap_ns: 0,
             last_gyro_ns: 0,
-            refused_in_a_row: 0,
+            gyro_watch: GyroWatch::default(),
+            refused: None,
+            restarted: false,
             nav: NavState { mode: NavState::INITIALISING, ..NavState::default() },
         }
     }
@@ -180,63 +218,63 @@ impl Fusion {
 
     fn take_gyro(&mut self, packet: &GyroPacket, outputs: &mut Outputs) {
         let (omega_rad_s, received_ns) = (packet.rate_rad_s, packet.received_ns);
-        let (stamp_ns, valid) = (received_ns, u8::from(packet.valid));
+        let stamp_ns = received_ns.saturating_sub(self.config.gyro_latency_ns);
+        let valid = u8::from(packet.valid);
         outputs.gyro.publish(GyroRate { stamp_ns, omega_rad_s, received_ns, valid, ..GyroRate::default() });
-        if packet.valid && self.waiting.len() < WAITING_READINGS {
-            self.last_gyro_ns = received_ns;
-            self.waiting.push(Reading { time: Time::from_ns(received_ns), rate_rad_s: omega_rad_s });
+        let (half_interval_ns, alive) = self.gyro_watch.note(packet);
+        if packet.valid && alive && self.waiting.len() < WAITING_READINGS {
+            let time = Time::from_ns(stamp_ns.saturating_sub(half_interval_ns));
+            self.waiting.push(Reading { time, rate_rad_s: omega_rad_s });
         }
     }
 
     /// Brings the horizon to `time`, with the gyro readings up to it.
     fn advance(&mut self, time: Time) {
-        let Some(filter) = &mut self.filter else {
-            self.waiting.retain(|r| r.time > time);
-            return;
-        };
         let due = self.waiting.partition_point(|r| r.time <= time);
-        for reading in self.waiting.drain(..due) {
-            filter.predict_to(reading.time);
-            filter.update_rate(reading.rate_rad_s);
+        if let Some(filter) = &mut self.filter {
+            fuse_rates(filter, &self.waiting[..due], &mut self.last_gyro_ns);
+            filter.predict_to(time);
         }
-        filter.predict_to(time);
+        self.waiting.drain(..due);
     }
 
     fn fuse_pose(&mut self, time: Time, pose: Pose) {
         self.advance(time);
-        let restart = self.refused_in_a_row >= RESTART_AFTER_REFUSALS;
-        let filter = match &mut self.filter {
-            Some(filter) if !restart => filter,
-            slot => {
-                // The heading stays unwrapped across a restart.
-                let turn = self.nav.theta_rad - pose[2];
-                let pose = [pose[0], pose[1], pose[2] + std::f64::consts::TAU * (turn / std::f64::consts::TAU).round()];
-                *slot = Some(Filter::start(time, pose, self.config.noise));
-                self.refused_in_a_row = 0;
-                self.last_mocap_ns = time.ns();
-                return;
-            }
-        };
+        let Some(filter) = &mut self.filter else { return self.start(time, pose) };
         let innovation = filter.innovation(pose);
         self.nav.innovation = innovation.pose;
         self.nav.innovation_d2 = innovation.d2;
-        if innovation.d2 > GATE_D2 {
-            self.refused_in_a_row += 1;
-            self.nav.rejected += 1;
-        } else {
+        if innovation.d2 <= GATE_D2 {
             filter.update_pose(&innovation);
-            self.refused_in_a_row = 0;
+            self.refused = None;
             self.last_mocap_ns = time.ns();
+            return;
+        }
+        self.nav.rejected += 1;
+        let agrees = |last: Pose| pose.iter().zip(last).zip(AGREEING).all(|((a, b), most)| (a - b).abs() < most);
+        let times = match self.refused {
+            Some((last, times)) if agrees(last) => times + 1,
+            _ => 1,
+        };
+        self.refused = Some((pose, times));
+        if times >= RESTART_AFTER_REFUSALS {
+            self.start(time, pose);
+            self.restarted = true;
         }
     }
 
+    /// Starts the filter at a pose. The heading stays unwrapped across a restart.
+    fn start(&mut self, time: Time, [x, y, heading]: Pose) {
+        let turns = ((self.nav.theta_rad - heading) / TAU).round();
+        self.filter = Some(Filter::start(time, [x, y, heading + TAU * turns], self.config.noise));
+        self.refused = None;
+        self.last_mocap_ns = time.ns();
+    }
+
     /// The filter's estimate at `now`.
-    fn predicted(&self, now: Time) -> Option<Filter> {
+    fn predicted(&mut self, now: Time) -> Option<Filter> {
         let mut filter = self.filter?;
-        for reading in &self.waiting {
-            filter.predict_to(reading.time);
-            filter.update_rate(reading.rate_rad_s);
-        }
+        fuse_rates(&mut filter, &self.waiting, &mut self.last_gyro_ns);
         filter.predict_to(now);
         Some(filter)
     }
@@ -248,6 +286,16 @@ impl Fusion {
             (COAST_AFTER_NS.., _) => NavState::COASTING,
             (_, GYRO_MISSING_AFTER_NS..) => NavState::NO_GYRO,
             _ => NavState::TRACKING,
+        }
+    }
+}
+
+/// Takes the filter through these readings; `used_ns` becomes the time of the last one that was not refused.
+fn fuse_rates(filter: &mut Filter, readings: &[Reading], used_ns: &mut u64) {
+    for reading in readings {
+        filter.predict_to(reading.time);
+        if filter.update_rate(reading.rate_rad_s) {
+            *used_ns = reading.time.ns().max(*used_ns);
         }
     }
 }
@@ -267,14 +315,18 @@ impl Service for Fusion {
         self.advance(Time::from_ns(now.ns().saturating_sub(LONGEST_WAIT_NS)));
 
         self.nav.stamp_ns = now.ns();
-        self.nav.mocap_age_ns = now.age_ns(self.last_mocap_ns);
-        self.nav.gyro_age_ns = now.age_ns(self.last_gyro_ns);
         if let Some(filter) = self.predicted(now) {
             let [x, y, theta, vx, vy, omega, bias] = filter.state();
             let n = &mut self.nav;
             (n.x_m, n.y_m, n.theta_rad) = (x, y, theta);
             (n.vx_m_s, n.vy_m_s, n.omega_rad_s, n.gyro_bias_rad_s) = (vx, vy, omega, bias);
             n.std = filter.standard_deviations();
+        }
+        self.nav.mocap_age_ns = now.age_ns(self.last_mocap_ns);
+        self.nav.gyro_age_ns = now.age_ns(self.last_gyro_ns);
+        if std::mem::take(&mut self.restarted) {
+            let message = format_args!("motion capture stays elsewhere: the filter starts anew from there");
+            outputs.events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, message));
         }
         let mode = self.mode();
         if mode != self.nav.mode {
