@@ -33,6 +33,10 @@ pub struct ArmConfig {
     pub line_gain_1_s: f64,
     /// Feedback of the base's attitude in zero-reaction maneuvers, 1/s.
     pub attitude_gain_1_s: f64,
+    /// Errors of the end-effector's position that are left alone, m.
+    pub quiet_m: f64,
+    /// Errors of the end-effector's angle and of the attitude that are left alone, rad.
+    pub quiet_rad: f64,
     /// How strongly the freedom that a line leaves is used to keep joints from their limits, rad^2/s.
     pub centring_gain_rad2_s: f64,
     /// Time in which that begins at the start of a line and ends at its end, s.
@@ -83,6 +87,8 @@ impl ArmConfig {
             approach_1_s: 2.0,
             line_gain_1_s: 0.8,
             attitude_gain_1_s: 1.0,
+            quiet_m: 4e-4,
+            quiet_rad: 2e-4,
             centring_gain_rad2_s: 0.06,
             centring_ramp_s: 1.0,
             joint_gain_1_s: 1.0,

@@ -106,7 +106,10 @@ impl Line {
         let drift = model.momentum_drift(&q, &momentum);
 
         let (_, rate) = quintic(self.clock_s, self.ask.duration_s);
-        let error = self.goal() - here.ee;
+        let mut error = self.goal() - here.ee;
+        let distance_m = error.xy().norm();
+        let share = beyond(distance_m, config.quiet_m) / distance_m.max(f64::MIN_POSITIVE);
+        (error.x, error.y, error.z) = (error.x * share, error.y * share, beyond(error.z, config.quiet_rad));
         let twist =
             Vector3::new(self.ask.way.x * rate, self.ask.way.y * rate, 0.0) + error * config.line_gain_1_s - drift;
 
@@ -122,7 +125,7 @@ impl Line {
             task.row_count = 3;
         }
         if self.ask.is_zero_reaction && !model.base().clamped {
-            let turned = here.state.q[2] - self.attitude_rad;
+            let turned = beyond(here.state.q[2] - self.attitude_rad, config.quiet_rad);
             let turning = model.base_twist(&q, &JointVector::zeros(), &momentum).z;
             task.rows.set_row(task.row_count, &model.reaction_vector(&q).transpose());
             task.wanted[task.row_count] = -turning - config.attitude_gain_1_s * turned;
@@ -130,4 +133,9 @@ impl Line {
         }
         task
     }
+}
+
+/// What of `error` lies beyond the quiet zone: noise within it would only make the joints stick and slip.
+fn beyond(error: f64, quiet: f64) -> f64 {
+    error - error.clamp(-quiet, quiet)
 }

@@ -77,7 +77,7 @@ fn a_joint_at_its_limit_is_locked_and_the_others_do_the_line() {
         was_limited |= world.command.limited[2] == 1;
     }
     assert!(!record.blocked && record.progress == 1.0 && was_limited);
-    assert!(((world.ee() - start).xy().norm() - 0.1).abs() < 1e-4);
+    assert!(((world.ee() - start).xy().norm() - 0.1).abs() < 6e-4);
     assert!(record.q_deg[2] > -69.8 && record.q_deg[2] < -66.0, "joint 3 ends at {}", record.q_deg[2]);
 }
 
@@ -120,7 +120,7 @@ fn stopping_in_the_middle_of_a_zero_reaction_line_does_not_turn_the_base() {
     let record = world.pass(13.0);
     assert_eq!((world.command.holding, record.blocked), (0, false));
     assert!(record.progress == 1.0 && record.largest_base_turn_deg < 0.05, "{record:?}");
-    assert!(((world.ee() - start).xy().norm() - 0.1).abs() < 1e-4, "it ends elsewhere");
+    assert!(((world.ee() - start).xy().norm() - 0.1).abs() < 6e-4, "it ends elsewhere");
 }
 
 #[test]
