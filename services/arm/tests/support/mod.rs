@@ -245,10 +245,12 @@ fn quintic(u: f64) -> f64 {
     u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 }
 
-/// Flies one line from `q_deg` with a controller stepped every `period_s`, and half a second more. The reference has no
-/// ramps at the ends of a line.
+/// Flies one line from `q_deg` with a controller stepped every `period_s`, and half a second more. Like the reference, the
+/// controller has no ramps at the ends of a line and no quiet zone.
 pub fn fly(q_deg: &[f64], mission: MissionState, period_s: f64) -> Record {
-    let mut world = World::with(q_deg, period_s, |config| config.centring_ramp_s = 0.0);
+    let mut world = World::with(q_deg, period_s, |config| {
+        (config.centring_ramp_s, config.quiet_m, config.quiet_rad) = (0.0, 0.0, 0.0);
+    });
     world.pass(1.0);
     world.begin(mission);
     world.pass(mission.arm_duration_s + 0.6)
