@@ -29,14 +29,43 @@
 //! and Lagrange's equations `H acc + h = tau` follow by inspection: `tau = [Fx, Fy, Mz about the base origin, t_1 .. t_n]`.
 //! Eliminating the two translations replaces `d_i` by `e_i = d_i - s_i / m`: the momentum principle as algebra.
 //!
+//! With the number of bodies known to the compiler, the forward dynamics of a base and four links take about 140 ns, an
+//! RK4 step 0.65 us (`examples/time_dynamics.rs` measures it on your machine).
+//!
 //! # Where things are
 //!
-//! - [`Model`]: the mechanism, and what can be asked of it at a state ([`State`]);
-//! - kinematics: poses, Jacobians ([`Model::end_effector`], [`Model::jacobian`]);
+//! - [`Model`]: the mechanism, and all that can be asked of it at a [`State`];
+//! - kinematics: [`Model::kinematics`], [`Model::end_effector`], [`Model::jacobian`], [`Model::jacobian_derivative`];
 //! - dynamics: [`Model::mass_matrix`], [`Model::bias_forces`], [`Model::inverse_dynamics`], [`Model::forward_dynamics`];
-//! - momentum and coupling of arm and base: [`Model::momentum`], [`Model::generalized_jacobian`],
-//!   [`Model::reaction_vector`];
-//! - [`integrate`]: fixed-step methods of stated order.
+//!   with some joints' accelerations given, as servos or sticking friction do: [`Model::hybrid_dynamics`];
+//! - momentum and the coupling of arm and base: [`Model::momentum`], [`Model::base_twist`],
+//!   [`Model::generalized_jacobian`], [`Model::reaction_vector`];
+//! - joint rates for a motion: [`Model::zero_reaction_jacobian`], [`damped_pseudoinverse`], [`Manipulability`];
+//! - [`integrate`]: fixed-step methods of stated order, one of which keeps momentum to rounding;
+//! - derivatives: [`Model::forward_dynamics_derivatives`] by state and force, [`Model::forward_dynamics_by_parameter`] by
+//!   every [`Parameter`], [`step_with_derivatives`] for a whole step and, carried along, for a whole motion;
+//! - identification: [`Model::inverse_dynamics_regressor`], [`Model::momentum_regressor`], [`Model::inertial_vector`].
+//!
+//! # Example
+//!
+//! The arm swings and the free base turns back:
+//!
+//! ```
+//! use fss_multibody::{Base, Coordinates, Link, Model, State, integrate};
+//!
+//! let base = Base { mass_kg: 10.0, inertia_kg_m2: 0.25, joint1_xy_m: [0.2, 0.0], ..Base::default() };
+//! let arm = [Link { length_m: 0.38, com_to_next_joint_m: 0.19, mass_kg: 2.9, inertia_kg_m2: 0.034, ..Link::default() }; 4];
+//! let model = Model::new(base, &arm, [0.0, 0.0])?;
+//!
+//! let torques = |_time_s: f64, _state: &State| State::from_slices(&[0.0, 0.0, 0.0, 0.05], &[]).q;
+//! let mut state = State::zero();
+//! for _ in 0..1000 {
+//!     state = integrate::step_rk4_momentum(&model, &state, 1e-3, torques);
+//! }
+//! assert!(state.q[3] > 0.05 && state.q[2] < -0.05);
+//! assert!(model.momentum(&state).linear.norm() < 1e-14);
+//! # Ok::<(), fss_multibody::ModelError>(())
+//! ```
 //!
 //! # Sources
 //!
