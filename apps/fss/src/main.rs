@@ -1,6 +1,7 @@
 //! The program `fss`: every command, and the launcher.
 #![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
 
+mod diagnose;
 mod files;
 mod log;
 mod run;
@@ -23,6 +24,8 @@ enum Command {
     Service(run::ServiceArgs),
     /// Run the simulated laboratory alone.
     Lab(run::LabArgs),
+    /// Show where the simulation of a plant differs from measured runs.
+    Diagnose(diagnose::DiagnoseArgs),
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
@@ -37,6 +40,7 @@ fn main() -> miette::Result<()> {
         Command::Run(args) => run::run(&args),
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
+        Command::Diagnose(args) => diagnose::run(&args),
         Command::Log(command) => log::run(&command),
     }
 }

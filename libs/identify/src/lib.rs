@@ -1,1 +1,11 @@
-//! Calibration, misfit, causes and extended models
+//! Where a simulation differs from what was measured.
+//!
+//! - [`measured`]: the runs of an experiment as plain series.
+//! - [`smoother`]: joint motion between slow telemetry.
+//! - [`misfit`]: the plant simulated in windows with a free initial state, and its error over what noise alone would give.
+//!
+//! Causes are not named yet.
+
+pub mod measured;
+pub mod misfit;
+pub mod smoother;

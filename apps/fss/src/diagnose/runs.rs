@@ -1,0 +1,95 @@
+//! From files to the series that the identification works on.
+
+use fss_identify::measured::{Drive, Joints, Many, Poses, Run, Series};
+use fss_plant::Plant;
+use fss_records::experiment::{Experiment, JointMode, Table};
+use miette::{IntoDiagnostic, Result, miette};
+use std::path::PathBuf;
+
+/// Reads the runs' folders.
+pub fn read(folders: &[PathBuf], plant: &Plant) -> Result<Vec<Run>> {
+    folders
+        .iter()
+        .map(|folder| {
+            if !folder.is_dir() {
+                return Err(miette!(
+                    help = "a run is a folder with run.toml and CSV files (fss-experiment/1)",
+                    "{} is no folder",
+                    folder.display()
+                ));
+            }
+            let experiment = Experiment::read(folder).into_diagnostic()?;
+            check(&experiment, plant)?;
+            Ok(run(&experiment))
+        })
+        .collect()
+}
+
+/// Refuses a run that cannot belong to the plant.
+fn check(experiment: &Experiment, plant: &Plant) -> Result<()> {
+    let folder = experiment.folder.display();
+    let joints = experiment.joints.as_ref().map_or(0, |t| t.numbered("q", "_rad").len());
+    if joints > plant.link_count() {
+        return Err(miette!(
+            "{folder}/joints.csv has {joints} joints, but the plant file has {} [[link]] tables",
+            plant.link_count()
+        ));
+    }
+    let valves = experiment.valves.as_ref().map_or(0, |t| t.numbered("v", "").len());
+    if valves > plant.thrusters.len() {
+        return Err(miette!(
+            "{folder}/valves.csv has {valves} valves, but the plant file has {} [[thruster]] tables",
+            plant.thrusters.len()
+        ));
+    }
+    Ok(())
+}
+
+fn run(e: &Experiment) -> Run {
+    let folder = e.folder.file_name().map(|name| name.to_string_lossy().into_owned());
+    Run {
+        name: folder.unwrap_or_else(|| e.name.clone()),
+        base_pose: e.base_pose.as_ref().and_then(poses),
+        ee_pose: e.ee_pose.as_ref().and_then(poses),
+        gyro: e.gyro.as_ref().and_then(|t| series(t, "rate_rad_s")),
+        joints: e.joints.as_ref().map(joints),
+        joint_command: e
+            .joint_command
+            .as_ref()
+            .map(|t| Many { t_s: t.t_s.clone(), values: owned(&t.numbered("q", "_rad")) }),
+        valves: e.valves.as_ref().map_or_else(Vec::new, valves),
+        drive: match e.joint_mode {
+            JointMode::Position | JointMode::Velocity => Drive::Servo,
+            JointMode::Current => Drive::Current,
+            JointMode::None => Drive::Free,
+        },
+    }
+}
+
+fn poses(table: &Table) -> Option<Poses> {
+    let (x, y, theta) = (table.column("x_m")?, table.column("y_m")?, table.column("theta_rad")?);
+    let values = (0..table.len()).map(|k| [x[k], y[k], theta[k]]).collect();
+    Some(Poses { t_s: table.t_s.clone(), values })
+}
+
+fn series(table: &Table, column: &str) -> Option<Series> {
+    Some(Series { t_s: table.t_s.clone(), values: table.column(column)?.to_vec() })
+}
+
+fn joints(table: &Table) -> Joints {
+    Joints {
+        t_s: table.t_s.clone(),
+        q_rad: owned(&table.numbered("q", "_rad")),
+        qd_rad_s: owned(&table.numbered("qd", "_rad_s")),
+        current_a: owned(&table.numbered("current", "_A")),
+    }
+}
+
+fn owned(columns: &[&[f64]]) -> Vec<Vec<f64>> {
+    columns.iter().map(|column| column.to_vec()).collect()
+}
+
+fn valves(table: &Table) -> Vec<(f64, Vec<bool>)> {
+    let columns = table.numbered("v", "");
+    table.t_s.iter().enumerate().map(|(k, &t_s)| (t_s, columns.iter().map(|c| c[k] > 0.5).collect())).collect()
+}

@@ -1,0 +1,104 @@
+//! The runs of an experiment as plain series. SI units, radians, seconds from the start of the run.
+
+/// One run; a channel that was not measured is `None`.
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// Its name.
+    pub name: String,
+    /// Base frame in the table frame, theta unwrapped.
+    pub base_pose: Option<Poses>,
+    /// End-effector in the table frame, theta unwrapped.
+    pub ee_pose: Option<Poses>,
+    /// Angular rate of the base, rad/s.
+    pub gyro: Option<Series>,
+    /// Telemetry of the joints.
+    pub joints: Option<Joints>,
+    /// Angles that the drivers were told to follow, rad; one series a joint.
+    pub joint_command: Option<Many>,
+    /// Commanded valve states, held until the next row.
+    pub valves: Vec<(f64, Vec<bool>)>,
+    /// What drives the joints.
+    pub drive: Drive,
+}
+
+/// What drives the joints of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Drive {
+    /// Nothing.
+    #[default]
+    Free,
+    /// Servo drivers that follow commanded angles or rates.
+    Servo,
+    /// The measured current.
+    Current,
+}
+
+/// One value over time.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// Times, s, increasing.
+    pub t_s: Vec<f64>,
+    /// Values.
+    pub values: Vec<f64>,
+}
+
+/// Poses over time.
+#[derive(Clone, Debug, Default)]
+pub struct Poses {
+    /// Times, s, increasing.
+    pub t_s: Vec<f64>,
+    /// x m, y m, theta rad.
+    pub values: Vec<[f64; 3]>,
+}
+
+/// Several values over time, all at the same times.
+#[derive(Clone, Debug, Default)]
+pub struct Many {
+    /// Times, s, increasing.
+    pub t_s: Vec<f64>,
+    /// One series a joint.
+    pub values: Vec<Vec<f64>>,
+}
+
+/// Telemetry of the joints: one series a joint, as many joints as a quantity was measured of.
+#[derive(Clone, Debug, Default)]
+pub struct Joints {
+    /// Times, s, increasing.
+    pub t_s: Vec<f64>,
+    /// Encoder angles, rad.
+    pub q_rad: Vec<Vec<f64>>,
+    /// Rates, rad/s.
+    pub qd_rad_s: Vec<Vec<f64>>,
+    /// Motor currents, A.
+    pub current_a: Vec<Vec<f64>>,
+}
+
+impl Many {
+    /// A joint's value at `t_s`, linear between rows and constant outside; `None` without that joint.
+    pub fn at(&self, joint: usize, t_s: f64) -> Option<f64> {
+        let values = self.values.get(joint)?;
+        let after = self.t_s.partition_point(|t| *t <= t_s);
+        let before = after.checked_sub(1)?;
+        let (Some(t1), Some(v1)) = (self.t_s.get(after), values.get(after)) else { return values.last().copied() };
+        let (t0, v0) = (self.t_s[before], values[before]);
+        Some(v0 + (v1 - v0) * (t_s - t0) / (t1 - t0))
+    }
+
+    /// A joint's rate at `t_s`: a parabola through the three rows around it, zero outside.
+    pub fn rate_at(&self, joint: usize, t_s: f64) -> Option<f64> {
+        let values = self.values.get(joint)?;
+        let n = self.t_s.len();
+        if n < 3 || t_s < self.t_s[0] || t_s > self.t_s[n - 1] {
+            return Some(0.0);
+        }
+        let slope = |i: usize| (values[i + 1] - values[i]) / (self.t_s[i + 1] - self.t_s[i]);
+        let middle = |i: usize| 0.5 * (self.t_s[i] + self.t_s[i + 1]);
+        // Slopes stand at the middles of the intervals; between two middles they are interpolated.
+        let i = self.t_s.partition_point(|t| *t <= t_s).saturating_sub(1).min(n - 2);
+        let (a, b) = if t_s < middle(i) { (i.saturating_sub(1), i) } else { (i, (i + 1).min(n - 2)) };
+        if a == b {
+            return Some(slope(a));
+        }
+        Some(slope(a) + (slope(b) - slope(a)) * (t_s - middle(a)) / (middle(b) - middle(a)))
+    }
+}
