@@ -1,6 +1,8 @@
 //! What the controller believes of the vehicle: configuration, momentum, end-effector.
 
 use crate::ArmConfig;
+use crate::reference::Reference;
+use crate::tracker::Tracker;
 use fss_bus::Time;
 use fss_messages::{LinksState, MAX_LINKS, MocapPose, NavState};
 use fss_multibody::{Coordinates, JointVector, Model, State};
@@ -23,6 +25,7 @@ pub(crate) struct Estimate {
 /// What must be remembered from step to step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Estimator {
+    pub(crate) tracker: Tracker,
     /// Linear momentum, kg m/s, and angular momentum about the whole's centre of mass, kg m^2/s.
     momentum: Option<(Vector2<f64>, f64)>,
     /// Motion capture less computed end-effector: m, m, rad.
@@ -38,8 +41,13 @@ impl Estimator {
         nav: &NavState,
         links: &LinksState,
         ee: Option<&MocapPose>,
+        reference: &Reference,
     ) -> Estimate {
-        let state = state_at(now, nav, links);
+        // The reference was last moved on at the step before.
+        let q_ref_rad = reference.q_rad + reference.qd_rad_s * dt_s;
+        self.tracker.remember(now, &q_ref_rad);
+        let q_rad = self.tracker.angles(links, &q_ref_rad);
+        let state = state_at(now, nav, links, &q_rad);
         let model = &config.model;
         let momentum = model.momentum(&state);
         let blend = (dt_s / config.momentum_time_s).min(1.0);
@@ -71,9 +79,8 @@ impl Estimator {
     }
 }
 
-fn state_at(now: Time, nav: &NavState, links: &LinksState) -> State {
+fn state_at(now: Time, nav: &NavState, links: &LinksState, q_rad: &JointVector) -> State {
     let nav_age_s = now.age_ns(nav.stamp_ns) as f64 * 1e-9;
-    let q_rad = joints_at(now, links);
     let mut state = State::zero();
     let rate = [nav.vx_m_s, nav.vy_m_s, nav.omega_rad_s];
     for (i, (pose, rate)) in [nav.x_m, nav.y_m, nav.theta_rad].into_iter().zip(rate).enumerate() {
@@ -87,7 +94,7 @@ fn state_at(now: Time, nav: &NavState, links: &LinksState) -> State {
     state
 }
 
-/// Joint angles brought to `now`.
+/// Joint angles as `links` extrapolates them, brought to `now`.
 pub(crate) fn joints_at(now: Time, links: &LinksState) -> JointVector {
     let age_s = now.age_ns(links.stamp_ns) as f64 * 1e-9;
     JointVector::from_fn(|i, _| links.q_rad[i] + links.qd_rad_s[i] * age_s)

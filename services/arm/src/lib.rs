@@ -39,6 +39,7 @@ mod profile;
 mod reference;
 mod service;
 mod task;
+mod tracker;
 
 pub use config::{ArmConfig, Drive};
 pub use service::{ArmService, Inputs, Outputs};

@@ -108,7 +108,11 @@ impl ArmService {
         let nav = inputs.nav.within(now, max_age_ns);
         let nav = nav.filter(|nav| !matches!(nav.mode, NavState::INITIALISING | NavState::LOST));
         let ee = inputs.end_effector.within(now, max_age_ns);
-        let here = nav.zip(links).map(|(nav, links)| self.estimator.update(&self.config, (now, dt_s), nav, links, ee));
+        let (config, reference) = (&self.config, &self.reference);
+        let here = nav
+            .zip(links)
+            .filter(|_| self.anchored)
+            .map(|(nav, links)| self.estimator.update(config, (now, dt_s), nav, links, ee, reference));
         let mission = inputs.mission.within(now, self.config.max_mission_age_ns);
         Seen { now, dt_s, mission, links, here }
     }
@@ -126,6 +130,7 @@ impl ArmService {
             if !self.anchored || is_off || was_moved {
                 self.reference.q_rad[i] = measured[i];
                 self.reference.qd_rad_s[i] = 0.0;
+                self.estimator.tracker.restart(i, measured[i]);
             }
         }
         self.anchored = true;

@@ -94,6 +94,7 @@ impl Table {
             let age_s = (stamp_ns - measured_ns) as f64 * 1e-9;
             links.q_rad[i] = sample.q_rad + sample.qd_rad_s * age_s;
             links.qd_rad_s[i] = sample.qd_rad_s;
+            (links.measured_q_rad[i], links.measured_ns[i]) = (sample.q_rad, *measured_ns);
             links.alive[i] = 1;
             links.driver_mode[i] = LinksState::DRIVER_POSITION;
         }

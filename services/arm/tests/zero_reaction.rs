@@ -32,7 +32,7 @@ fn agrees(record: &Record, name: &str, within_deg: f64) {
     assert!((record.largest_rate_rad_s / rate - 1.0).abs() < 0.02, "{name}: rate {}", record.largest_rate_rad_s);
     let sigma = number("sigma_min");
     assert!((record.sigma_min / sigma - 1.0).abs() < 0.02, "{name}: sigma {} {sigma}", record.sigma_min);
-    assert!(record.ee_error_m < 1e-4 && !record.blocked && record.progress == 1.0);
+    assert!(record.ee_error_m < 3e-4 && !record.blocked && record.progress == 1.0);
 }
 
 #[test]

@@ -148,6 +148,7 @@ impl World {
         for i in 0..self.links() {
             links.q_rad[i] = self.q[3 + i];
             links.qd_rad_s[i] = self.rates[i];
+            (links.measured_q_rad[i], links.measured_ns[i]) = (self.q[3 + i], stamp_ns);
             links.alive[i] = 1;
             links.driver_mode[i] = LinksState::DRIVER_POSITION;
         }
