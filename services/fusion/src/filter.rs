@@ -61,6 +61,10 @@ impl Unrest {
         self.0 += Self::SHARE * (innovation / variance.sqrt() - self.0);
     }
 
+    fn of_two(self, other: Self) -> Self {
+        Self(self.0.abs().max(other.0.abs()))
+    }
+
     fn density(self, [quiet, restless]: [f64; 2]) -> f64 {
         let [from, to] = Self::RANGE;
         quiet + (restless - quiet) * ((self.0.abs() - from) / (to - from)).clamp(0.0, 1.0)
@@ -141,7 +145,8 @@ pub struct Filter {
     x: Axis,
     y: Axis,
     rotation: Rotation,
-    unrest: [Unrest; 3],
+    /// Of x, y, theta and the gyro's rate.
+    unrest: [Unrest; 4],
 }
 
 /// How a pose agreed with the prediction.
@@ -183,7 +188,7 @@ impl Filter {
             self.x.predict(dt, density(self.unrest[0], linear));
             self.y.predict(dt, density(self.unrest[1], linear));
             let walk = self.noise.bias_walk_rad_s_rt_s;
-            self.rotation.predict(dt, density(self.unrest[2], angular), walk);
+            self.rotation.predict(dt, density(self.unrest[2].of_two(self.unrest[3]), angular), walk);
             self.time = time;
         }
     }
@@ -228,6 +233,7 @@ impl Filter {
         if innovation.abs() > LARGEST_RATE_STEP_RAD_S + RATE_GATE * variance.sqrt() {
             return false;
         }
+        self.unrest[3].note(innovation, variance);
         self.rotation.update(&RowVector3::new(0.0, 1.0, 1.0), innovation, self.noise.gyro_rad_s);
         true
     }

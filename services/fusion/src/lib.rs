@@ -115,7 +115,7 @@ impl FusionConfig {
                 mocap_angle_rad: s.mocap_angle_rad.max(1e-5),
                 gyro_rad_s: s.gyro_rad_s.max(1e-5),
                 acceleration_m_s2_rt_hz: [0.003, 0.05],
-                angular_acceleration_rad_s2_rt_hz: [0.03, 0.3],
+                angular_acceleration_rad_s2_rt_hz: [0.003, 0.3],
                 bias_walk_rad_s_rt_s: s.gyro_bias_walk_rad_s_sqrt_s.max(1e-6),
             },
         }
