@@ -29,6 +29,11 @@ pub struct Allocator {
     duty: [f64; MAX_THRUSTERS],
 }
 
+/// Share of a wanted wrench that may be missing before the thrusters count as being at their end.
+const SATURATED: f64 = 0.05;
+/// Sweeps end when none changed a share by more than this.
+const SETTLED: f64 = 1e-6;
+
 /// Open shares, and how much of the wanted wrench they do not make (0 to 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allocation {
@@ -36,6 +41,13 @@ pub struct Allocation {
     pub duty: [f64; MAX_THRUSTERS],
     /// Length of the missing wrench over that of the wanted one.
     pub missing: f64,
+}
+
+impl Allocation {
+    /// Whether the wanted wrench is more than the thrusters have.
+    pub fn is_saturated(&self) -> bool {
+        self.missing > SATURATED && self.duty.iter().any(|&share| share >= 1.0)
+    }
 }
 
 impl Allocator {
@@ -61,7 +73,9 @@ impl Allocator {
         }
         for (sweeps, factor) in SWEEPS {
             for _ in 0..sweeps {
-                self.sweep(&mut missing, factor * price);
+                if self.sweep(&mut missing, factor * price) < SETTLED {
+                    break;
+                }
             }
         }
         let length = dot(wanted, wanted).sqrt();
@@ -69,16 +83,19 @@ impl Allocator {
         Allocation { duty: self.duty, missing }
     }
 
-    /// Sets each share to its best with the others as they are.
-    fn sweep(&mut self, missing: &mut Wrench, price: f64) {
+    /// Sets each share to its best with the others as they are; returns the largest change.
+    fn sweep(&mut self, missing: &mut Wrench, price: f64) -> f64 {
+        let mut largest = 0.0_f64;
         for i in 0..self.count {
             if self.squares[i] > 0.0 {
                 let step = (dot(self.columns[i], *missing) - price) / self.squares[i];
                 let share = (self.duty[i] + step).clamp(0.0, 1.0);
                 add(missing, self.columns[i], self.duty[i] - share);
+                largest = largest.max((share - self.duty[i]).abs());
                 self.duty[i] = share;
             }
         }
+        largest
     }
 }
 

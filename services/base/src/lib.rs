@@ -13,17 +13,22 @@ use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{BaseCommand, Event, LinksState, MissionState, NavState, ThrustersCommand, topic};
 use fss_multibody::{Model, State};
 use fss_plant::Plant;
-use guidance::{Reference, quintic};
+use guidance::Leg;
 use modulation::Modulator;
+use std::f64::consts::TAU;
 
 /// Oldest navigation state that the controller flies on, ns.
 const MAX_NAV_AGE_NS: u64 = 50_000_000;
 /// Oldest goal, ns.
 const MAX_MISSION_AGE_NS: u64 = 500_000_000;
 /// Integral gain over the cube of the bandwidth: slow beside the loop itself.
-const INTEGRAL_SHARE: f64 = 0.1;
-/// Share of a wanted wrench that may be missing before the controller calls itself saturated.
-const SATURATED: f64 = 0.05;
+const INTEGRAL_SHARE: f64 = 0.2;
+/// Share of the thrusters that a reference may ask for; the rest is for control.
+const ABILITY: f64 = 0.7;
+/// Shortest pulse of a thruster where the valve allows it, s.
+const SHORTEST_PULSE_S: f64 = 0.05;
+/// A leg that takes longer than the mission gave it by more than this is said, s.
+const LATE_S: f64 = 1.0;
 
 inputs! {
     /// What the service reads.
@@ -56,8 +61,9 @@ pub struct BaseConfig {
     pub model: Model,
     /// Wrench of each thruster in body axes about the base frame's origin, N and N m.
     pub thruster_wrenches: Vec<Wrench>,
-    /// Shortest time for which a valve opens, s.
-    pub min_on_s: f64,
+    /// Shortest time for which a valve opens, s. Longer than what the valve could do: a thruster opens when it owes a whole
+    /// pulse, and what navigation's noise makes it owe is taken back before it comes to that.
+    pub shortest_pulse_s: f64,
     /// The controller's period, s.
     pub period_s: f64,
     /// Bandwidth of the pose loop, rad/s.
@@ -74,22 +80,28 @@ impl BaseConfig {
         Self {
             model,
             thruster_wrenches: (0..plant.thrusters.len()).map(|i| plant.thruster_wrench(i)).collect(),
-            min_on_s: plant.valves.min_on_s,
+            shortest_pulse_s: plant.valves.min_on_s.max(SHORTEST_PULSE_S),
             period_s: 1.0 / rate_hz,
             bandwidth_rad_s: 0.45,
             damping_ratio: 1.0,
             dead_band: [5e-4, 5e-4, 1e-3],
         }
     }
+
+    /// The wrench in body axes that gives the base this acceleration (table axes) with the arm held as it is.
+    fn wrench(&self, state: &State, acceleration: [f64; 3]) -> Wrench {
+        let force = self.model.inverse_dynamics(state, &State::from_slices(&acceleration, &[]).q);
+        let (sin, cos) = state.q[2].sin_cos();
+        [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
+    }
 }
 
-/// From where to where the base goes.
-#[derive(Clone, Copy, PartialEq)]
-struct Leg {
-    start: Time,
-    from: [f64; 3],
-    to: [f64; 3],
-    duration_s: f64,
+/// The leg that is flown, and what of the mission it was made for.
+#[derive(Clone, Copy)]
+struct Flown {
+    phase_start_ns: u64,
+    goal: [f64; 3],
+    leg: Leg,
 }
 
 /// The service.
@@ -97,7 +109,7 @@ pub struct Base {
     config: BaseConfig,
     allocator: Allocator,
     modulator: Modulator,
-    leg: Option<Leg>,
+    flown: Option<Flown>,
     integral: [f64; 3],
     sample: BaseCommand,
 }
@@ -106,12 +118,12 @@ impl Base {
     /// For a vehicle.
     pub fn new(config: BaseConfig) -> Self {
         let count = config.thruster_wrenches.len();
-        let min_steps = (config.min_on_s / config.period_s - 1e-6).ceil().max(1.0) as u32;
+        let min_steps = (config.shortest_pulse_s / config.period_s - 1e-6).ceil().max(1.0) as u32;
         Self {
             allocator: Allocator::new(&config.thruster_wrenches),
             modulator: Modulator::new(count, min_steps),
             config,
-            leg: None,
+            flown: None,
             integral: [0.0; 3],
             sample: BaseCommand::default(),
         }
@@ -131,58 +143,70 @@ impl Base {
         }
     }
 
-    /// The leg that the mission wants; a new one begins where the base is.
-    fn leg(&mut self, now: Time, nav: &NavState, mission: &MissionState) -> Leg {
-        let here = [nav.x_m, nav.y_m, nav.theta_rad];
-        let to =
-            std::array::from_fn(|i| mission.base_goal[i] + if mission.base_goal_relative == 0 { 0.0 } else { here[i] });
-        let start = Time::from_ns(mission.phase_start_ns);
-        match self.leg {
-            Some(leg) if leg.start == start && (leg.to == to || mission.base_goal_relative != 0) => leg,
-            _ => {
-                // A controller that was restarted within a phase makes the rest of its time do.
-                let gone_s = now.seconds_since(start);
-                let duration_s = (mission.base_duration_s - gone_s).max(0.0);
-                let leg = Leg { start, from: here, to, duration_s };
-                *self.leg.insert(leg)
-            }
+    /// The leg that the mission wants; a new one begins where the base is, and takes the time that the thrusters need.
+    fn leg(&mut self, now: Time, state: &State, mission: &MissionState, events: &mut Output<Event>) -> Leg {
+        let (phase_start_ns, goal) = (mission.phase_start_ns, mission.base_goal);
+        if let Some(flown) = self.flown
+            && flown.phase_start_ns == phase_start_ns
+            && flown.goal == goal
+        {
+            return flown.leg;
         }
+        let from = [state.q[0], state.q[1], state.q[2]];
+        let to = std::array::from_fn(|i| goal[i] + if mission.base_goal_relative == 0 { 0.0 } else { from[i] });
+        // A controller that was restarted within a phase makes the rest of its time do.
+        let gone_s = now.seconds_since(Time::from_ns(phase_start_ns));
+        let given_s = (mission.base_duration_s - gone_s).max(0.0);
+        let leg = Leg { start: now, from, to, duration_s: given_s }.stretched(|reference| {
+            let mut there = *state;
+            let acceleration = reference.map(|r| r.acceleration / ABILITY);
+            for (i, r) in reference.iter().enumerate() {
+                (there.q[i], there.v[i]) = (r.position, r.velocity);
+            }
+            !self.allocator.allocate(self.config.wrench(&there, acceleration)).is_saturated()
+        });
+        if leg.duration_s > given_s + LATE_S && given_s > 0.0 {
+            let needed_s = leg.duration_s;
+            let message = format_args!("the thrusters need {needed_s:.0} s for this goal, not {given_s:.0} s");
+            events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, message));
+        }
+        self.flown = Some(Flown { phase_start_ns, goal, leg });
+        leg
     }
 
-    /// The wanted wrench in body axes.
-    fn wrench(&mut self, now: Time, leg: &Leg, nav: &NavState, links: Option<&LinksState>) -> Wrench {
+    /// The acceleration that leads along the leg, table axes.
+    fn acceleration(&mut self, now: Time, leg: &Leg, state: &State) -> [f64; 3] {
         let c = &self.config;
         let (w, z) = (c.bandwidth_rad_s, c.damping_ratio);
-        let pose = [nav.x_m, nav.y_m, nav.theta_rad];
-        let rate = [nav.vx_m_s, nav.vy_m_s, nav.omega_rad_s];
-        let t_s = now.seconds_since(leg.start);
         let mut acceleration = [0.0; 3];
-        for i in 0..3 {
-            let r: Reference = quintic(leg.from[i], leg.to[i], leg.duration_s, t_s);
-            let error = pose[i] - r.position;
-            // The integral holds against a tilted table; it is slow, and stops where the thrusters are at their end.
+        for (i, r) in leg.at(now).iter().enumerate() {
+            let apart = state.q[i] - r.position;
+            // A navigation that was restarted has forgotten its whole turns.
+            let error = if i == 2 { apart - TAU * (apart / TAU).round() } else { apart };
+            // The integral holds against a tilted table. It is slow, and stops where the thrusters are at their end and
+            // where the spring would do nothing: an integral that goes on there makes a limit cycle.
             if self.sample.saturated == 0 {
-                self.integral[i] += error * c.period_s;
+                self.integral[i] += beyond(error, c.dead_band[i] / (w * w)) * c.period_s;
             }
-            let spring_and_damper = -w * w * error - 2.0 * z * w * (rate[i] - r.velocity);
+            let spring_and_damper = -w * w * error - 2.0 * z * w * (state.v[i] - r.velocity);
             let against_a_steady_force = -INTEGRAL_SHARE * w * w * w * self.integral[i];
             acceleration[i] = r.acceleration + beyond(spring_and_damper, c.dead_band[i]) + against_a_steady_force;
             self.sample.reference[i] = r.position;
             self.sample.error[i] = error;
         }
-        let mut q = State::zero();
-        q.q[2] = nav.theta_rad;
-        if let Some(links) = links {
-            let n = c.model.link_count();
-            for (slot, angle) in q.q.iter_mut().skip(3).take(n).zip(links.q_rad) {
-                *slot = angle;
-            }
-        }
-        let inertia = c.model.mass_matrix(&q.q);
-        let force: [f64; 3] = std::array::from_fn(|i| (0..3).map(|j| inertia[(i, j)] * acceleration[j]).sum::<f64>());
-        let (sin, cos) = nav.theta_rad.sin_cos();
-        [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
+        acceleration
     }
+}
+
+/// The vehicle as navigation and telemetry know it.
+fn vehicle_state(nav: &NavState, links: Option<&LinksState>, link_count: usize) -> State {
+    let mut state = State::from_slices(&[nav.x_m, nav.y_m, nav.theta_rad], &[nav.vx_m_s, nav.vy_m_s, nav.omega_rad_s]);
+    if let Some(links) = links {
+        for (slot, angle) in state.q.iter_mut().skip(3).take(link_count).zip(links.q_rad) {
+            *slot = angle;
+        }
+    }
+    state
 }
 
 /// What of `value` lies beyond a dead band.
@@ -209,18 +233,20 @@ impl Service for Base {
             ..ThrustersCommand::default()
         };
         if let Some((nav, mission)) = flown {
-            let leg = self.leg(now, nav, mission);
-            let wrench = self.wrench(now, &leg, nav, inputs.links.get());
+            let state = vehicle_state(nav, inputs.links.get(), self.config.model.link_count());
+            let leg = self.leg(now, &state, mission, &mut outputs.events);
+            let acceleration = self.acceleration(now, &leg, &state);
+            let wrench = self.config.wrench(&state, acceleration);
             let allocation = self.allocator.allocate(wrench);
             let s = &mut self.sample;
             [s.force_x_n, s.force_y_n, s.torque_nm] = wrench;
             s.duty_cycle = allocation.duty;
-            s.saturated = u8::from(allocation.missing > SATURATED && allocation.duty.iter().any(|&u| u >= 1.0));
+            s.saturated = u8::from(allocation.is_saturated());
             valves.valves = self.modulator.step(&allocation.duty);
             // The measurement's own time travels on: the age of a measurement when its valve command leaves.
             valves.stamp_ns = nav.stamp_ns;
         } else {
-            self.leg = None;
+            self.flown = None;
             self.integral = [0.0; 3];
             self.modulator.reset();
             let s = &mut self.sample;
