@@ -6,23 +6,16 @@
 //! constraints", ICRA 2012): the joint that exceeds its bound most is set to the bound and the rest solved again; where no
 //! joints are left to do the whole task, the largest share of it is done that fits.
 
-use fss_multibody::{JointVector, MAX_LINKS};
-use nalgebra::{SMatrix, SVector, SymmetricEigen};
+use fss_multibody::{JointVector, MAX_LINKS, damped_pseudoinverse, damping_near_singularity, singular_values};
+use nalgebra::{SMatrix, SVector};
 
-/// Most rows of a task: vx, vy and angle of the end-effector, and the base's rate.
-pub const MAX_ROWS: usize = 4;
-
-type Square = SMatrix<f64, MAX_ROWS, MAX_ROWS>;
-
-/// `rows * rates = wanted`, in the first `row_count` rows.
+/// `rows * rates = wanted`.
 #[derive(Clone, Copy, Debug)]
-pub struct Task {
+pub struct Task<const R: usize> {
     /// Jacobian of the task, zero beyond the last joint.
-    pub rows: SMatrix<f64, MAX_ROWS, MAX_LINKS>,
+    pub rows: SMatrix<f64, R, MAX_LINKS>,
     /// What the rows shall give.
-    pub wanted: SVector<f64, MAX_ROWS>,
-    /// How many rows count.
-    pub row_count: usize,
+    pub wanted: SVector<f64, R>,
     /// Rates that the joints take as far as the task leaves them free, rad/s.
     pub preferred: JointVector,
 }
@@ -56,47 +49,20 @@ pub struct Solution {
     pub at_bound: [bool; MAX_LINKS],
 }
 
-/// The damped pseudoinverse of the columns of free joints.
-struct Inverse {
-    rows: SMatrix<f64, MAX_ROWS, MAX_LINKS>,
-    inner: Square,
-    sigma_min: f64,
+/// Pseudoinverse of the columns of the free joints, damped where it must be, and their smallest singular value.
+fn inverse_of<const R: usize>(
+    rows: &SMatrix<f64, R, MAX_LINKS>,
+    free: [bool; MAX_LINKS],
+    sigma_damped: f64,
+) -> (SMatrix<f64, MAX_LINKS, R>, f64) {
+    let mobility = JointVector::from_fn(|i, _| if free[i] { 1.0 } else { 0.0 });
+    let of_free = SMatrix::<f64, R, MAX_LINKS>::from_fn(|row, i| rows[(row, i)] * mobility[i]);
+    let sigma_min = singular_values(&of_free).min();
+    let damping = damping_near_singularity(sigma_min, sigma_damped, sigma_damped);
+    damped_pseudoinverse(rows, &mobility, damping).map_or((SMatrix::zeros(), 0.0), |inverse| (inverse, sigma_min))
 }
 
-impl Inverse {
-    fn of(task: &Task, free: [bool; MAX_LINKS], sigma_damped: f64) -> Self {
-        let mut rows = task.rows;
-        for (i, free) in free.into_iter().enumerate() {
-            if !free {
-                rows.column_mut(i).fill(0.0);
-            }
-        }
-        for unused in task.row_count..MAX_ROWS {
-            rows.row_mut(unused).fill(0.0);
-        }
-        let mut gram: Square = rows * rows.transpose();
-        // Unused rows must not pass for singular ones.
-        let largest = gram.trace();
-        for unused in task.row_count..MAX_ROWS {
-            gram[(unused, unused)] = largest;
-        }
-        let eigen = SymmetricEigen::new(gram);
-        let least = eigen.eigenvalues.min().max(0.0);
-        let sigma_min = least.sqrt();
-        // Damping grows as the square root would fall, so that rates stay bounded and continuous.
-        let near = (1.0 - least / (sigma_damped * sigma_damped)).max(0.0);
-        let damping = sigma_damped * sigma_damped * near;
-        let weights = eigen.eigenvalues.map(|value| 1.0 / (value.max(0.0) + damping).max(f64::MIN_POSITIVE));
-        let inner = eigen.eigenvectors * Square::from_diagonal(&weights) * eigen.eigenvectors.transpose();
-        Self { rows, inner, sigma_min }
-    }
-
-    fn apply(&self, wanted: &SVector<f64, MAX_ROWS>) -> JointVector {
-        self.rows.transpose() * (self.inner * wanted)
-    }
-}
-
-impl Task {
+impl<const R: usize> Task<R> {
     /// The rates that do the task within `bounds`, or the largest share of it.
     pub fn solve(&self, joint_count: usize, bounds: &Bounds) -> Solution {
         let mut free = [false; MAX_LINKS];
@@ -107,21 +73,21 @@ impl Task {
         let mut best =
             Solution { rates: JointVector::zeros(), scale: 0.0, sigma_min: 0.0, at_bound: [false; MAX_LINKS] };
         for locked in 0..=joint_count {
-            if joint_count - locked < self.row_count {
+            if joint_count - locked < R {
                 break;
             }
-            let inverse = Inverse::of(self, free, bounds.sigma_damped);
+            let (inverse, sigma_min) = inverse_of(&self.rows, free, bounds.sigma_damped);
             if locked == 0 {
-                best.sigma_min = inverse.sigma_min;
-                let ease = (inverse.sigma_min / bounds.sigma_slow).min(1.0);
+                best.sigma_min = sigma_min;
+                let ease = (sigma_min / bounds.sigma_slow).min(1.0);
                 (bounds.low, bounds.high) = (bounds.low * ease, bounds.high * ease);
             }
-            if inverse.sigma_min < bounds.sigma_singular {
+            if sigma_min < bounds.sigma_singular {
                 break;
             }
             // rates = scale * doing + keeping: what does the task, and what leaves it alone.
-            let doing = inverse.apply(&self.wanted);
-            let keeping = beside - inverse.apply(&(self.rows * beside));
+            let doing = inverse * self.wanted;
+            let keeping = beside - inverse * (self.rows * beside);
             let (share, tightest) = largest_share(&doing, &keeping, free, &bounds);
             if share > best.scale {
                 best.scale = share;
@@ -177,17 +143,16 @@ mod tests {
     }
 
     /// Two rows, three joints.
-    fn task() -> Task {
-        let mut task =
-            Task { rows: SMatrix::zeros(), wanted: SVector::zeros(), row_count: 2, preferred: JointVector::zeros() };
+    fn task() -> Task<2> {
+        let mut task = Task { rows: SMatrix::zeros(), wanted: SVector::zeros(), preferred: JointVector::zeros() };
         task.rows.fixed_view_mut::<2, 3>(0, 0).copy_from_slice(&[1.0, 0.2, 0.7, 0.5, 0.3, 1.0]);
         task.wanted[0] = 0.1;
         task.wanted[1] = 0.05;
         task
     }
 
-    fn error(task: &Task, solution: &Solution) -> f64 {
-        (task.rows * solution.rates - task.wanted * solution.scale).fixed_rows::<2>(0).norm()
+    fn error(task: &Task<2>, solution: &Solution) -> f64 {
+        (task.rows * solution.rates - task.wanted * solution.scale).norm()
     }
 
     #[test]

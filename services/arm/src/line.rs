@@ -7,7 +7,7 @@ use crate::profile::quintic;
 use crate::reference::Reference;
 use fss_messages::MissionState;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
-use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3, Vector4};
 
 /// A line that a phase asks for.
 #[derive(Clone, Copy, Debug)]
@@ -74,12 +74,38 @@ impl Line {
         estimator: &Estimator,
         here: &Estimate,
     ) -> Solution {
-        let task = self.task(config, reference, estimator, here);
-        let (low, high) = reference.rate_bounds(config);
-        let (sigma_slow, sigma_damped, sigma_singular) =
-            (config.sigma_slow, config.sigma_damped, config.sigma_singular);
-        let bounds = Bounds { low, high, sigma_slow, sigma_damped, sigma_singular };
-        task.solve(config.model.link_count(), &bounds)
+        // The Jacobians are taken at the reference: the joints are there but for the servos' lag, and it has no noise.
+        let mut q: Coordinates = here.state.q;
+        q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&reference.q_rad);
+        let momentum = estimator.momentum_about_base(&config.model, &q);
+        let rows = config.model.zero_reaction_jacobian(&q);
+        let twist = self.twist(config, here) - config.model.momentum_drift(&q, &momentum);
+        let turning = self.turning(config, here) - config.model.base_twist(&q, &JointVector::zeros(), &momentum).z;
+        let wanted = Vector4::new(twist.x, twist.y, twist.z, turning);
+
+        let solve = Solve { config, reference, preferred: self.centring(config, &reference.q_rad) };
+        let is_zero_reaction = self.ask.is_zero_reaction && !config.model.base().clamped;
+        match (self.ask.keeps_orientation, is_zero_reaction) {
+            (false, false) => solve.rows(&rows, &wanted, [0, 1]),
+            (true, false) => solve.rows(&rows, &wanted, [0, 1, 2]),
+            (false, true) => solve.rows(&rows, &wanted, [0, 1, 3]),
+            (true, true) => solve.rows(&rows, &wanted, [0, 1, 2, 3]),
+        }
+    }
+
+    /// Twist of the end-effector: along the line, and back to it.
+    fn twist(&self, config: &ArmConfig, here: &Estimate) -> Vector3<f64> {
+        let (_, rate) = quintic(self.clock_s, self.ask.duration_s);
+        let mut error = self.goal() - here.ee;
+        let distance_m = error.xy().norm();
+        let share = beyond(distance_m, config.quiet_m) / distance_m.max(f64::MIN_POSITIVE);
+        (error.x, error.y, error.z) = (error.x * share, error.y * share, beyond(error.z, config.quiet_rad));
+        Vector3::new(self.ask.way.x * rate, self.ask.way.y * rate, 0.0) + error * config.line_gain_1_s
+    }
+
+    /// Angular rate of the base: back to the attitude that it shall keep.
+    fn turning(&self, config: &ArmConfig, here: &Estimate) -> f64 {
+        -config.attitude_gain_1_s * beyond(here.state.q[2] - self.attitude_rad, config.quiet_rad)
     }
 
     /// Rates towards the middle of the joints' range, the gradient of `1/2 sum (q / limit)^2`: they use what freedom the
@@ -95,43 +121,32 @@ impl Line {
         }
         rates
     }
+}
 
-    fn task(&self, config: &ArmConfig, reference: &Reference, estimator: &Estimator, here: &Estimate) -> Task {
-        let model = &config.model;
-        // The Jacobians are taken at the reference: the joints are there but for the servos' lag, and it has no noise.
-        let mut q: Coordinates = here.state.q;
-        q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&reference.q_rad);
-        let momentum = estimator.momentum_about_base(model, &q);
-        let jacobian = model.generalized_jacobian(&q);
-        let drift = model.momentum_drift(&q, &momentum);
+/// What every task of a line is solved with.
+struct Solve<'a> {
+    config: &'a ArmConfig,
+    reference: &'a Reference,
+    preferred: JointVector,
+}
 
-        let (_, rate) = quintic(self.clock_s, self.ask.duration_s);
-        let mut error = self.goal() - here.ee;
-        let distance_m = error.xy().norm();
-        let share = beyond(distance_m, config.quiet_m) / distance_m.max(f64::MIN_POSITIVE);
-        (error.x, error.y, error.z) = (error.x * share, error.y * share, beyond(error.z, config.quiet_rad));
-        let twist =
-            Vector3::new(self.ask.way.x * rate, self.ask.way.y * rate, 0.0) + error * config.line_gain_1_s - drift;
-
-        let mut task = Task {
-            rows: SMatrix::zeros(),
-            wanted: SVector::zeros(),
-            row_count: 2,
-            preferred: self.centring(config, &reference.q_rad),
+impl Solve<'_> {
+    /// Solves for some of the rows vx, vy and angle of the end-effector, and the base's rate.
+    fn rows<const R: usize>(
+        &self,
+        rows: &SMatrix<f64, 4, MAX_LINKS>,
+        wanted: &Vector4<f64>,
+        which: [usize; R],
+    ) -> Solution {
+        let (config, (low, high)) = (self.config, self.reference.rate_bounds(self.config));
+        let task = Task {
+            rows: SMatrix::<f64, R, MAX_LINKS>::from_fn(|row, i| rows[(which[row], i)]),
+            wanted: SVector::<f64, R>::from_fn(|row, _| wanted[which[row]]),
+            preferred: self.preferred,
         };
-        task.rows.fixed_rows_mut::<3>(0).copy_from(&jacobian);
-        task.wanted.fixed_rows_mut::<3>(0).copy_from(&twist);
-        if self.ask.keeps_orientation {
-            task.row_count = 3;
-        }
-        if self.ask.is_zero_reaction && !model.base().clamped {
-            let turned = beyond(here.state.q[2] - self.attitude_rad, config.quiet_rad);
-            let turning = model.base_twist(&q, &JointVector::zeros(), &momentum).z;
-            task.rows.set_row(task.row_count, &model.reaction_vector(&q).transpose());
-            task.wanted[task.row_count] = -turning - config.attitude_gain_1_s * turned;
-            task.row_count += 1;
-        }
-        task
+        let (sigma_slow, sigma_damped, sigma_singular) =
+            (config.sigma_slow, config.sigma_damped, config.sigma_singular);
+        task.solve(config.model.link_count(), &Bounds { low, high, sigma_slow, sigma_damped, sigma_singular })
     }
 }
 
