@@ -1,6 +1,7 @@
 //! The program `fss`: every command, and the launcher.
 #![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
 
+mod bench;
 mod diagnose;
 mod files;
 mod log;
@@ -26,6 +27,9 @@ enum Command {
     Lab(run::LabArgs),
     /// Show where the simulation of a plant differs from measured runs.
     Diagnose(diagnose::DiagnoseArgs),
+    /// Measure how fast this build is on this machine.
+    #[command(subcommand)]
+    Bench(bench::BenchCommand),
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
@@ -41,6 +45,7 @@ fn main() -> miette::Result<()> {
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
         Command::Diagnose(args) => diagnose::run(&args),
+        Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
     }
 }

@@ -1,0 +1,118 @@
+//! `fss bench`: how fast this build is on this machine.
+
+use clap::{Args, Subcommand};
+use fss_multibody::{Coordinates, Model, Sensitivity, State, integrate, step_with_derivatives};
+use fss_plant::Plant;
+use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use crate::files::TextFile;
+
+/// What can be measured.
+#[derive(Subcommand)]
+pub enum BenchCommand {
+    /// Forward dynamics, an RK4 step, and a step with its state-transition matrix: medians of several runs.
+    Dynamics(DynamicsArgs),
+}
+
+/// What to time.
+#[derive(Args)]
+pub struct DynamicsArgs {
+    /// Plant file; the paper's laboratory where absent.
+    #[arg(long, value_name = "FILE")]
+    plant: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Median times of one evaluation.
+#[derive(Serialize)]
+struct DynamicsTimes {
+    links: usize,
+    forward_dynamics_ns: f64,
+    rk4_step_ns: f64,
+    step_with_derivatives_ns: f64,
+    runs: usize,
+}
+
+/// Runs a benchmark.
+pub fn run(command: &BenchCommand) -> Result<()> {
+    match command {
+        BenchCommand::Dynamics(args) => dynamics(args),
+    }
+}
+
+fn dynamics(args: &DynamicsArgs) -> Result<()> {
+    let plant = match &args.plant {
+        Some(path) => {
+            let file = TextFile::read(path, "plant file")?;
+            Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?
+        }
+        None => Plant::default_laboratory().into_diagnostic()?,
+    };
+    let times = time_dynamics(&plant.model().into_diagnostic()?);
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&times).into_diagnostic()?);
+    } else {
+        println!("links                   {}", times.links);
+        println!("forward dynamics        {:.0} ns", times.forward_dynamics_ns);
+        println!("RK4 step                {:.0} ns", times.rk4_step_ns);
+        println!("RK4 step + transition   {:.0} ns", times.step_with_derivatives_ns);
+        println!("medians of {} runs", times.runs);
+    }
+    Ok(())
+}
+
+/// How many runs, and how many evaluations a run has.
+const RUNS: usize = 31;
+const EVALUATIONS: u32 = 4_000;
+
+fn time_dynamics(model: &Model) -> DynamicsTimes {
+    let n = model.dof();
+    let moving = |scale: f64| Coordinates::from_fn(|i, _| if i < n { scale * (i as f64 - 2.5) } else { 0.0 });
+    let mut state = State { q: moving(0.2), v: moving(0.1) };
+    if model.base().clamped {
+        for i in 0..3 {
+            (state.q[i], state.v[i]) = (0.0, 0.0);
+        }
+    }
+    let tau = moving(0.02);
+    let forward_dynamics_ns = median_ns(|| {
+        black_box(model.forward_dynamics(black_box(&state), black_box(&tau)));
+    });
+    // Steps so short that the state stays where the timing is typical; each starts from the one before it.
+    let mut flying = state;
+    let rk4_step_ns = median_ns(|| flying = integrate::step_rk4(model, &flying, 1e-6, |_, _| tau));
+    let mut flying = state;
+    let mut tangents: Vec<Sensitivity> =
+        (0..n).map(Sensitivity::to_coordinate).chain((0..n).map(Sensitivity::to_velocity)).collect();
+    let law = |_: f64, _: &State| tau;
+    let step_with_derivatives_ns =
+        median_ns(|| flying = step_with_derivatives(model, &flying, 1e-7, &law, &mut tangents));
+    black_box((flying, tangents));
+    DynamicsTimes {
+        links: model.link_count(),
+        forward_dynamics_ns,
+        rk4_step_ns,
+        step_with_derivatives_ns,
+        runs: RUNS,
+    }
+}
+
+fn median_ns(mut evaluate: impl FnMut()) -> f64 {
+    let mut times: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            let start = Instant::now();
+            for _ in 0..EVALUATIONS {
+                evaluate();
+            }
+            start.elapsed().as_secs_f64() * 1e9 / f64::from(EVALUATIONS)
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[RUNS / 2]
+}
