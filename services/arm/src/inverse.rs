@@ -1,10 +1,10 @@
 //! Joint rates for a task, within bounds and as near as can be to preferred ones.
 //!
-//! Without bounds it is `J^+ wanted + (1 - J^+ J) preferred` with the pseudoinverse damped near singularities (Chiaverini, "Singularity-robust
-//! task-priority redundancy resolution", IEEE Trans. Robotics and Automation 13(3), 1997). With bounds it is the
-//! saturation in the null space (Flacco, De Luca and Khatib, "Motion control of redundant robots under joint
-//! constraints", ICRA 2012): the joint that exceeds its bound most is set to the bound and the rest solved again; where no
-//! joints are left to do the whole task, the largest share of it is done that fits.
+//! Without bounds it is `J^+ wanted + (1 - J^+ J) preferred` with the pseudoinverse damped near singularities
+//! ([`damped_pseudoinverse`]). With bounds it is the saturation in the null space (Flacco, De Luca and Khatib, "Motion
+//! control of redundant robots under joint constraints", ICRA 2012): the joint that exceeds its bound most is set to the
+//! bound and the rest solved again; where no joints are left to do the whole task, the largest share of it is done that
+//! fits.
 
 use fss_multibody::{JointVector, MAX_LINKS, damped_pseudoinverse, damping_near_singularity, singular_values};
 use nalgebra::{SMatrix, SVector};

@@ -15,7 +15,8 @@
 //!
 //! with the generalized Jacobian `Jg` (Umetani and Yoshida 1989), the reaction vector `h`, the base's rate per joint
 //! rate at zero momentum (Yoshida, Hashizume and Abiko 2001), and the motion `v_drift`, `omega_drift` that the measured
-//! momentum makes by itself. What freedom is left turns the joints towards the middle of their range (Liegeois 1977). The position along the line follows a quintic time law. The [`inverse`] respects rate and
+//! momentum makes by itself. What freedom is left turns the joints towards the middle of their range (Liegeois 1977).
+//! The position along the line follows a quintic time law. The [`inverse`] respects rate and
 //! joint limits: a joint at its limit is locked and the rest solved again; where that cannot be, the line is slowed, and
 //! where it comes to a stop, the arm is *blocked*: it says so and holds.
 //!
