@@ -1,7 +1,8 @@
 //! Prints how long the dynamics take: `cargo run --release -p fss-multibody --example time_dynamics`.
 //!
-//! Each evaluation starts from what the one before it gave, as in a simulation, so that nothing overlaps that would not
-//! there. Medians of several batches.
+//! Where it says latency or step, each evaluation starts from what the one before it gave, as in a simulation, so that
+//! nothing overlaps that would not there. Medians of many short batches, so that other work on the machine disturbs
+//! little.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -10,8 +11,8 @@ use fss_multibody::{
     Base, Cause, Coordinates, Link, Model, ModelError, Sensitivity, State, integrate, step_with_derivatives,
 };
 
-const BATCHES: usize = 31;
-const BATCH: u32 = 4_000;
+const BATCHES: usize = 501;
+const BATCH: u32 = 200;
 
 fn main() -> Result<(), ModelError> {
     println!(

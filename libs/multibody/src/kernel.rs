@@ -234,31 +234,33 @@ impl<const B: usize> System<B> {
     fn inverse(&self, model: &Model) -> MassMatrix {
         let clamped = model.base().clamped;
         let first = usize::from(clamped);
-        let mut inverse = MassMatrix::zeros();
+        // Column k of the right-hand side: a torque turns its body and turns the one before it back.
+        let mut turn = [[0.0; B]; B];
         for k in first..B {
-            // A torque turns its body and turns the one before it back.
-            let mut turn = [0.0; B];
-            turn[k] = 1.0;
+            turn[k][k] = 1.0;
             if k > 0 {
-                turn[k - 1] = -1.0;
+                turn[k - 1][k] = -1.0;
             }
-            substitute(&self.inertia, &mut turn, first);
-            let column = response(&turn);
-            for i in 2..B + 2 {
-                inverse[(i, 2 + k)] = column[i];
-            }
-            if !clamped {
-                let mut origin = Vector2::zeros();
-                for i in 0..B {
-                    origin -= turn[i] * perp(&self.chain.s[i]);
-                }
-                for axis in 0..2 {
-                    inverse[(axis, 2 + k)] = origin[axis] * model.lumps.per_mass;
-                    inverse[(2 + k, axis)] = inverse[(axis, 2 + k)];
-                }
+        }
+        substitute_all(&self.inertia, &mut turn, first);
+        let mut inverse = MassMatrix::zeros();
+        let mut origin = [[0.0; B]; 2];
+        for i in 0..B {
+            let lever = model.lumps.per_mass * perp(&self.chain.s[i]);
+            for k in 0..B {
+                let before = if i > 0 { turn[i - 1][k] } else { 0.0 };
+                inverse[(2 + i, 2 + k)] = turn[i][k] - before;
+                origin[0][k] -= lever.x * turn[i][k];
+                origin[1][k] -= lever.y * turn[i][k];
             }
         }
         if !clamped {
+            for (axis, row) in origin.iter().enumerate() {
+                for k in 0..B {
+                    inverse[(axis, 2 + k)] = row[k];
+                    inverse[(2 + k, axis)] = row[k];
+                }
+            }
             translations(&self.chain, model.lumps.per_mass, &mut inverse);
         }
         inverse
@@ -329,6 +331,33 @@ fn substitute<const B: usize>(l: &[[f64; B]; B], x: &mut [f64; B], first: usize)
         x[i] *= l[i][i];
         for k in i + 1..B {
             x[i] -= l[k][i] * x[k];
+        }
+    }
+}
+
+/// [`substitute`] for many right-hand sides side by side, which the processor takes several at a time.
+#[inline(always)]
+fn substitute_all<const B: usize>(l: &[[f64; B]; B], x: &mut [[f64; B]; B], first: usize) {
+    for row in x.iter_mut().take(first) {
+        *row = [0.0; B];
+    }
+    for j in first..B {
+        let pivot = x[j];
+        for i in j + 1..B {
+            for k in 0..B {
+                x[i][k] -= l[i][j] * pivot[k];
+            }
+        }
+    }
+    for i in (first..B).rev() {
+        for k in 0..B {
+            x[i][k] *= l[i][i];
+        }
+        for below in i + 1..B {
+            let solved = x[below];
+            for k in 0..B {
+                x[i][k] -= l[below][i] * solved[k];
+            }
         }
     }
 }
