@@ -3,8 +3,8 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::chain::cross;
-use crate::{Coordinates, JointVector, Model, State};
+use crate::chain::{cross, perp};
+use crate::{Coordinates, Model, State};
 
 /// One step of the semi-implicit (symplectic) Euler method, order 1: velocity first, then position with the new
 /// velocity. Energy of free motion stays bounded.
@@ -64,19 +64,23 @@ pub fn step_rk4_momentum(
         }
         tau
     });
-    let before = about_table(state, &model.momentum(state).about_base());
-    let way = (step_s * before.xy() + shift) / model.total_mass_kg();
-    let miss = model.center_of_mass(&state.q) + way - model.center_of_mass(&end.q);
-    end.q[0] += miss.x;
-    end.q[1] += miss.y;
+    let before = model.whole(state);
+    let after = model.whole(&end);
+    let (mass, linear) = (model.total_mass_kg(), before.momentum.xy());
+    let way = (step_s * linear + shift) / mass;
+    let center = state.q.xy() + before.center + way;
+    let origin = center - after.center;
+    end.q[0] = origin.x;
+    end.q[1] = origin.y;
 
-    let missing = before + impulse - about_table(&end, &model.momentum(&end).about_base());
-    let at = Vector2::new(end.q[0], end.q[1]);
-    let about_base = Vector3::new(missing.x, missing.y, missing.z - cross(&at, &missing.xy()));
-    let change = model.base_twist(&end.q, &JointVector::zeros(), &about_base);
-    for i in 0..3 {
-        end.v[i] += change[i];
-    }
+    // What is missing moves base and arm as one rigid body.
+    let wanted = about_table(state, &before.momentum.xyz()) + impulse;
+    let missing = wanted - about_table(&end, &after.momentum.xyz());
+    let spin = (missing.z - cross(&center, &missing.xy())) / after.inertia;
+    let velocity = missing.xy() / mass - spin * perp(&after.center);
+    end.v[0] += velocity.x;
+    end.v[1] += velocity.y;
+    end.v[2] += spin;
     end
 }
 

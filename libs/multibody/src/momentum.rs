@@ -26,18 +26,28 @@ impl Momentum {
 impl Model {
     /// Linear and angular momentum (reflected rotor inertia carries none: see [`crate::Link::rotor_inertia_kg_m2`]).
     pub fn momentum(&self, state: &State) -> Momentum {
-        let (generalized, lever) = by_bodies!(self, momenta(self, state));
-        let linear = Vector2::new(generalized[0], generalized[1]);
+        let whole = self.whole(state);
+        let linear = Vector2::new(whole.momentum[0], whole.momentum[1]);
         Momentum {
             linear,
-            angular_about_base: generalized[2],
-            angular_about_com: generalized[2] - cross(&lever, &linear),
+            angular_about_base: whole.momentum[2],
+            angular_about_com: whole.momentum[2] - cross(&whole.center, &linear),
         }
     }
 
     /// Generalized momentum `H v`: first the momentum about the base origin, then one entry a joint.
     pub fn generalized_momentum(&self, state: &State) -> Coordinates {
-        by_bodies!(self, momenta(self, state)).0
+        self.whole(state).momentum
+    }
+
+    /// Moment of inertia of base and arm together about their centre of mass with all joints locked, kg m^2.
+    pub fn inertia_about_com(&self, q: &Coordinates) -> f64 {
+        self.whole(&State::at_rest(*q)).inertia
+    }
+
+    /// Momentum, centre of mass and locked inertia in one pass.
+    pub(crate) fn whole(&self, state: &State) -> Whole {
+        by_bodies!(self, whole(self, state))
     }
 
     /// Kinetic energy, J.
@@ -94,23 +104,37 @@ impl Model {
     }
 }
 
-/// `H v`, by the two sweeps of inverse dynamics with velocities in the accelerations' place, and the centre of mass as
-/// seen from the base origin.
+/// Base and arm as one.
+pub(crate) struct Whole {
+    /// Generalized momentum `H v`.
+    pub(crate) momentum: Coordinates,
+    /// Centre of mass as seen from the base origin, table axes, m.
+    pub(crate) center: Vector2<f64>,
+    /// Moment of inertia about the centre of mass with all joints locked, kg m^2.
+    pub(crate) inertia: f64,
+}
+
+/// `H v` by the two sweeps of inverse dynamics with velocities in the accelerations' place.
 #[inline(always)]
-fn momenta<const B: usize>(model: &Model, state: &State) -> (Coordinates, Vector2<f64>) {
+fn whole<const B: usize>(model: &Model, state: &State) -> Whole {
     let chain = Chain::<B>::at(model, &state.q);
     let rate = absolute::<B>(&state.v);
     let lumps = &model.lumps;
     let start = Vector2::new(state.v[0], state.v[1]);
     let mut velocity = start;
+    let mut root: Vector2<f64> = Vector2::zeros();
     let mut moment = [0.0; B];
+    let mut inertia = 0.0;
     for i in 0..B {
         moment[i] = lumps.j[i] * rate[i] + cross(&chain.s[i], &velocity);
         velocity += rate[i] * perp(&chain.d[i]);
+        // Steiner: every body's share is seen from its root, which lies `root` away from the base origin.
+        inertia += lumps.j[i] + 2.0 * chain.s[i].dot(&root);
+        root += chain.d[i];
     }
     let mut momentum = Coordinates::zeros();
     let mut beyond = Vector2::zeros();
-    let mut first_moment = Vector2::zeros();
+    let mut first_moment: Vector2<f64> = Vector2::zeros();
     let mut total = 0.0;
     for i in (0..B).rev() {
         total += moment[i] + cross(&chain.d[i], &beyond);
@@ -124,5 +148,6 @@ fn momenta<const B: usize>(model: &Model, state: &State) -> (Coordinates, Vector
     let linear = beyond + lumps.total_mass * start;
     momentum[0] = linear.x;
     momentum[1] = linear.y;
-    (momentum, first_moment * lumps.per_mass)
+    let center = first_moment * lumps.per_mass;
+    Whole { momentum, center, inertia: inertia - center.dot(&first_moment) }
 }

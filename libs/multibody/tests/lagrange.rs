@@ -98,6 +98,8 @@ fn any_number_of_links_obeys_lagranges_equations() {
             assert!(error < 1e-13, "{label}: H is off by {error:e}");
             let error = (model.bias_forces(&state) - bias).amax() / bias.amax();
             assert!(error < 1e-12, "{label}: h is off by {error:e}");
+            let error = (model.generalized_momentum(&state) - inertia * state.v).amax() / inertia.amax();
+            assert!(error < 1e-13, "{label}: H v is off by {error:e}");
 
             let tau = Coordinates::from_fn(|i, _| if i < n { random.random_range(-5.0..5.0) } else { 0.0 });
             let acc = model.forward_dynamics(&state, &tau);

@@ -133,6 +133,8 @@ fn reaction_vectors_and_base_coupling_agree_with_the_independent_scripts() {
         let reaction = model.reaction_vector(&q);
         let error = relative_error(reaction.iter().copied().take(4), &case["base_rate_per_joint"]);
         assert!(error < 1e-10, "the reaction vector is off by {error:e}");
+        let error = relative_error([model.inertia_about_com(&q)], &case["Hs"]);
+        assert!(error < 1e-10, "the locked inertia is off by {error:e}");
         // Joint rates in the reaction null space leave the base's attitude alone.
         let rates = JointVector::from_fn(|i, _| if i < 4 { 0.3 - 0.2 * i as f64 } else { 0.0 });
         let silent = rates - reaction * (reaction.dot(&rates) / reaction.norm_squared());
