@@ -94,13 +94,7 @@ fn time_dynamics(model: &Model) -> DynamicsTimes {
     let step_with_derivatives_ns =
         median_ns(|| flying = step_with_derivatives(model, &flying, 1e-7, &law, &mut tangents));
     black_box((flying, tangents));
-    DynamicsTimes {
-        links: model.link_count(),
-        forward_dynamics_ns,
-        rk4_step_ns,
-        step_with_derivatives_ns,
-        runs: RUNS,
-    }
+    DynamicsTimes { links: model.link_count(), forward_dynamics_ns, rk4_step_ns, step_with_derivatives_ns, runs: RUNS }
 }
 
 fn median_ns(mut evaluate: impl FnMut()) -> f64 {

@@ -25,7 +25,10 @@ fn a_shaken_base_is_known_to_a_fraction_of_a_millimetre() {
 #[test]
 fn a_still_base_has_a_still_velocity() {
     let e = rms(&fly(20.0, still, &NONE), 2.0, 20.0);
-    assert!(e.position_m < 2e-4 && e.velocity_m_s < 1e-3 && e.rate_rad_s < 7e-4, "the controller would answer noise with gas");
+    assert!(
+        e.position_m < 2e-4 && e.velocity_m_s < 1e-3 && e.rate_rad_s < 7e-4,
+        "the controller would answer noise with gas"
+    );
 }
 
 /// The base of a floating vehicle whose joints swing to and fro, each at up to 0.3 rad/s.

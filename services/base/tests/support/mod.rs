@@ -165,6 +165,6 @@ impl Table {
 }
 
 fn controller(plant: &Plant, simulation: &Simulation, bus: &Bus) -> Runner<Base> {
-    let config = BaseConfig::from_plant(plant, simulation.model().clone(), RATE_HZ);
+    let config = BaseConfig::from_plant(plant, *simulation.model(), RATE_HZ);
     Runner::new(Base::new(config), bus).unwrap()
 }
