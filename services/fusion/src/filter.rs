@@ -7,7 +7,7 @@
 //!
 //! How strong the accelerations are changes: a base that floats is shaken by air and thrusters, a base whose arm swings
 //! by thirty times as much. So the process noise adapts. Innovations of a filter that follows are white; those of one that
-//! lags keep their sign. Their running mean ([`Unrest`]) moves the density between that of a quiet and that of a restless
+//! lags keep their sign. Their running mean (`Unrest`) moves the density between that of a quiet and that of a restless
 //! base, so that a quiet base has a quiet velocity and a swinging arm costs a fraction of a millimetre. Without motion
 //! capture the base counts as restless, and the stated uncertainty grows accordingly.
 
