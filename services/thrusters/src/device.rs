@@ -1,9 +1,14 @@
 //! Drivers that move the valves.
 
+use crate::{DRIVER_QUEUE, VALVES_QUEUE};
+use fss_bus::{Bus, BusError, Feed, Queue};
 use fss_wire::valves::ValveFrame;
 use std::io::{self, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
+
+/// As long as the service's own ends of the queues.
+const QUEUE_LEN: usize = Feed::<u16>::CAPACITY;
 
 /// Something that opens and shuts all valves at once.
 pub trait Valves {
@@ -12,6 +17,43 @@ pub trait Valves {
     /// # Errors
     /// Where the lines cannot be set.
     fn set(&mut self, mask: u16) -> io::Result<()>;
+}
+
+/// Brings the service's masks to the valves and says whether that worked.
+pub struct Driver<V> {
+    valves: V,
+    masks: Queue<u16>,
+    reports: Queue<bool>,
+}
+
+impl<V: Valves> Driver<V> {
+    /// A driver at the service's queues.
+    ///
+    /// # Errors
+    /// Where the bus refuses a queue.
+    pub fn new(valves: V, bus: &Bus) -> Result<Self, BusError> {
+        let (masks, reports) = (bus.queue(VALVES_QUEUE, QUEUE_LEN)?, bus.queue(DRIVER_QUEUE, QUEUE_LEN)?);
+        Ok(Self { valves, masks, reports })
+    }
+
+    /// Sets the newest mask; called after every step of the service. Nothing stands between step and valve.
+    pub fn apply(&mut self) {
+        let mut newest = None;
+        while let Some(mask) = self.masks.pop() {
+            newest = Some(mask);
+        }
+        if let Some(mask) = newest {
+            self.reports.force_push(self.valves.set(mask).is_ok());
+        }
+    }
+
+    /// Shuts all valves.
+    ///
+    /// # Errors
+    /// Where the lines cannot be set.
+    pub fn shut(&mut self) -> io::Result<()> {
+        self.valves.set(0)
+    }
 }
 
 /// The valve line of the simulated laboratory. It carries every step's mask, so that nothing depends on one frame, and

@@ -1,13 +1,20 @@
 //! Owns the valves: applies commands, shuts them when commands stop.
 //!
-//! The dead-man: whatever happened to the sender, all valves shut when the last command is older than
-//! [`DEAD_MAN_NS`]. Only a command that is new to this process counts, and its age runs from its publication or from
-//! now, whichever is earlier, so that neither an old sample nor a stamp from the future keeps a valve open. A restarted
-//! sender begins its sequence anew; that is no reason to refuse it.
+//! The dead-man: whatever happened to the sender, all valves shut when the last command is older than [`DEAD_MAN_NS`].
+//! Which command counts:
+//!
+//! - only one that is new to this process: a sample that stays in its buffer is no command;
+//! - its age runs from its publication or from its arrival, whichever is earlier: a stamp from the future keeps no valve
+//!   open, and a command that was old on arrival opens none;
+//! - one that was published before the last one is ignored: a dying sender's words do not undo its successor's;
+//! - its sequence number is not asked: a restarted sender begins anew.
+//!
+//! Before the first command ([`ThrustersState::IDLE`]) and while the driver does not answer
+//! ([`ThrustersState::DRIVER_FAULT`]) every mask is zero.
 
 pub mod device;
 
-use fss_bus::{DeviceOutput, Latest, Output, Service, Time, inputs, outputs};
+use fss_bus::{DeviceOutput, Feed, Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic};
 
 /// Age of the last command at which all valves shut, ns: with a step of at most 10 ms and the driver's own time they are
@@ -15,12 +22,16 @@ use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic
 pub const DEAD_MAN_NS: u64 = 80_000_000;
 /// Queue to the valve driver: masks, bit 0 is thruster 1.
 pub const VALVES_QUEUE: &str = "thrusters.valves";
+/// Queue from the valve driver: whether it could set the last mask.
+pub const DRIVER_QUEUE: &str = "thrusters.driver";
 
 inputs! {
     /// What the service reads.
     pub struct Inputs {
         /// Which valves shall be open.
         command: Latest<ThrustersCommand> = topic::THRUSTERS_COMMAND,
+        /// Whether the valve driver works; one that says nothing counts as working.
+        driver: Feed<bool> = DRIVER_QUEUE,
     }
 }
 
@@ -42,6 +53,7 @@ pub struct Thrusters {
     state: ThrustersState,
     last_command: Option<Time>,
     last_step: Option<Time>,
+    driver_works: bool,
 }
 
 impl Thrusters {
@@ -49,7 +61,7 @@ impl Thrusters {
     pub fn new(valve_count: usize) -> Self {
         let valve_count = valve_count.min(MAX_THRUSTERS);
         let state = ThrustersState { valve_count: valve_count as u32, ..ThrustersState::default() };
-        Self { valve_count, state, last_command: None, last_step: None }
+        Self { valve_count, state, last_command: None, last_step: None, driver_works: true }
     }
 
     fn count_open_time(&mut self, now: Time) {
@@ -61,7 +73,11 @@ impl Thrusters {
     }
 
     fn take(&mut self, now: Time, command: &ThrustersCommand) {
-        self.last_command = Some(Time::from_ns(command.published_ns.min(now.ns())));
+        let published = Time::from_ns(command.published_ns.min(now.ns()));
+        if self.last_command.is_some_and(|last| published < last) {
+            return;
+        }
+        self.last_command = Some(published);
         self.state.command_stamp_ns = command.stamp_ns;
         for (i, valve) in self.state.valves.iter_mut().enumerate() {
             *valve = u8::from(i < self.valve_count && command.valves[i] != 0);
@@ -80,7 +96,9 @@ impl Service for Thrusters {
             self.take(now, command);
         }
         let age_ns = self.last_command.map_or(u64::MAX, |last| now.age_ns(last.ns()));
+        self.driver_works = inputs.driver.messages().last().copied().unwrap_or(self.driver_works);
         let mode = match age_ns {
+            _ if !self.driver_works => ThrustersState::DRIVER_FAULT,
             u64::MAX => ThrustersState::IDLE,
             0..=DEAD_MAN_NS => ThrustersState::ACTIVE,
             _ => ThrustersState::DEAD_MAN,
@@ -91,6 +109,10 @@ impl Service for Thrusters {
         if mode != self.state.mode {
             let (severity, message) = match mode {
                 ThrustersState::DEAD_MAN => (Event::WARNING, format_args!("commands stopped: all valves shut")),
+                ThrustersState::DRIVER_FAULT => {
+                    (Event::ERROR, format_args!("the valve driver does not answer: all valves count as shut"))
+                }
+                ThrustersState::IDLE => (Event::INFO, format_args!("waits for commands")),
                 _ => (Event::INFO, format_args!("commands arrive")),
             };
             outputs.events.publish(Event::new(now.ns(), Self::NAME, severity, message));

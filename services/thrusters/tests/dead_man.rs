@@ -1,9 +1,13 @@
 //! Valves shut when commands stop, whatever the last sample said.
 #![allow(clippy::unwrap_used)]
 
-use fss_bus::{Bus, Output, OutputPort, Runner, Time};
+use fss_bus::allocation::{Counting, allocations_in};
+use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, Runner, Time};
 use fss_messages::{ThrustersCommand, ThrustersState, topic};
-use fss_thrusters::{DEAD_MAN_NS, Thrusters, VALVES_QUEUE};
+use fss_thrusters::{DEAD_MAN_NS, DRIVER_QUEUE, Thrusters, VALVES_QUEUE};
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
 
 struct Bench {
     runner: Runner<Thrusters>,
@@ -66,6 +70,50 @@ fn a_command_that_was_old_on_arrival_opens_nothing() {
 }
 
 #[test]
+fn a_restarted_sender_is_obeyed_and_its_predecessors_last_words_are_not() {
+    let mut bench = Bench::new();
+    for k in 0..100 {
+        bench.send(1_000_000_000 + k * 5_000_000, 2);
+    }
+    assert_eq!(bench.mask_at(1_500_000_000), 0b100);
+    bench.command = Output::open(&bench.bus, topic::THRUSTERS_COMMAND).unwrap();
+    bench.send(1_505_000_000, 3);
+    assert_eq!(bench.mask_at(1_505_000_000), 0b1000, "its sequence begins anew");
+    bench.send(1_500_000_000, 2);
+    assert_eq!(bench.mask_at(1_510_000_000), 0b1000, "this was published before");
+}
+
+#[test]
+fn a_driver_that_does_not_answer_gets_valves_shut_until_it_does() {
+    let mut bench = Bench::new();
+    let reports = bench.bus.queue::<bool>(DRIVER_QUEUE, 1).unwrap();
+    let mut state: Latest<ThrustersState> = InputPort::open(&bench.bus, topic::THRUSTERS_STATE).unwrap();
+    let mut step = |works: bool, at_ns: u64| {
+        reports.force_push(works);
+        bench.send(at_ns, 2);
+        let mask = bench.mask_at(at_ns);
+        state.refresh();
+        (mask, state.get().unwrap().mode)
+    };
+    assert_eq!(step(true, 1_000_000_000), (0b100, ThrustersState::ACTIVE));
+    assert_eq!(step(false, 1_005_000_000), (0, ThrustersState::DRIVER_FAULT));
+    assert_eq!(step(true, 1_010_000_000), (0b100, ThrustersState::ACTIVE));
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    let mut bench = Bench::new();
+    for k in 0..100 {
+        let now = Time::from_ns(1_000_000_000 + k * 5_000_000);
+        if k < 50 {
+            bench.send(now.ns(), 2);
+        }
+        assert_eq!(allocations_in(|| bench.runner.step(now)), 0, "step {k}");
+        bench.runner.flush(now);
+    }
+}
+
+#[test]
 fn a_valve_beyond_the_vehicles_own_is_never_opened() {
     let mut bench = Bench::new();
     bench.send(1_000_000_000, 9);
@@ -75,12 +123,11 @@ fn a_valve_beyond_the_vehicles_own_is_never_opened() {
 #[test]
 fn the_state_counts_open_time() {
     let mut bench = Bench::new();
-    let mut state: fss_bus::Latest<ThrustersState> =
-        fss_bus::InputPort::open(&bench.bus, topic::THRUSTERS_STATE).unwrap();
+    let mut state: Latest<ThrustersState> = InputPort::open(&bench.bus, topic::THRUSTERS_STATE).unwrap();
     for k in 0..10 {
         bench.send(k * 5_000_000, 1);
         bench.mask_at(k * 5_000_000);
     }
-    fss_bus::InputPort::refresh(&mut state);
+    state.refresh();
     assert_eq!(state.get().unwrap().open_time_ns[1], 45_000_000);
 }

@@ -17,8 +17,8 @@ use fss_mission::{Mission, MissionConfig, MissionService};
 use fss_plant::Physics;
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
-use fss_thrusters::device::{LaboratoryLine, Valves};
-use fss_thrusters::{Thrusters, VALVES_QUEUE};
+use fss_thrusters::Thrusters;
+use fss_thrusters::device::{Driver, LaboratoryLine, Valves};
 use fss_wire::link::{Key, first_sequence};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::collections::BTreeMap;
@@ -164,16 +164,11 @@ fn thrusters(site: &Site) -> Result<()> {
     let mut line = LaboratoryLine::new(path);
     wait_for_device(path, || line.set(0).into_diagnostic())
         .wrap_err_with(|| format!("valves: cannot open {} ([devices] valves)", path.display()))?;
-    let masks: Queue<u16> = site.queue(VALVES_QUEUE)?;
     // The valve line is this service's device: it is written in the loop, so that nothing stands between step and valve.
     // A write that fails shuts the valves on the other side; the next step connects anew.
-    let count = site.stack.plant.thrusters.len();
-    site.fly(Thrusters::new(count), || {
-        while let Some(mask) = masks.pop() {
-            let _ = line.set(mask);
-        }
-    })?;
-    line.set(0).into_diagnostic().wrap_err("valves: cannot shut them at the end; a closed line shuts them")
+    let mut driver = Driver::new(line, &site.bus).into_diagnostic()?;
+    site.fly(Thrusters::new(site.stack.plant.thrusters.len()), || driver.apply())?;
+    driver.shut().into_diagnostic().wrap_err("valves: cannot shut them at the end; a closed line shuts them")
 }
 
 /// Runs the laboratory until it is told to stop.
