@@ -110,15 +110,20 @@ pub fn read_gyro(path: &Path, queue: Queue<GyroPacket>, stop: Arc<AtomicBool>) -
     })
 }
 
-/// Opens a serial port raw at 38400 baud, 8 data bits, no parity, 1 stop bit; a read returns within 0.1 s.
+/// Opens a serial port raw at 38400 baud, 8 data bits, no parity, 1 stop bit, without handshake; a read returns within
+/// 0.1 s. Opening waits for no carrier, and the port does not become the process's terminal.
 fn open_serial(path: &Path) -> io::Result<File> {
-    use rustix::termios::{OptionalActions, SpecialCodeIndex, tcgetattr, tcsetattr};
-    let port = File::options().read(true).write(true).open(path)?;
+    use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
+    use rustix::termios::{ControlModes, OptionalActions, SpecialCodeIndex, tcgetattr, tcsetattr};
+    let port = open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
     let mut settings = tcgetattr(&port)?;
     settings.make_raw();
+    settings.control_modes.insert(ControlModes::CLOCAL | ControlModes::CREAD);
+    settings.control_modes.remove(ControlModes::CSTOPB | ControlModes::PARENB | ControlModes::CRTSCTS);
     settings.set_speed(38_400)?;
     settings.special_codes[SpecialCodeIndex::VMIN] = 0;
     settings.special_codes[SpecialCodeIndex::VTIME] = 1;
     tcsetattr(&port, OptionalActions::Now, &settings)?;
-    Ok(port)
+    fcntl_setfl(&port, OFlags::empty())?;
+    Ok(File::from(port))
 }
