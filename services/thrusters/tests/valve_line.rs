@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_bus::{Bus, Queue};
-use fss_thrusters::device::{Driver, LaboratoryLine};
+use fss_thrusters::device::{Driver, GpioLines, LaboratoryLine};
 use fss_thrusters::{DRIVER_QUEUE, VALVES_QUEUE};
 use fss_wire::valves::{FRAME_LEN, ValveFrame};
 use std::io::Read;
@@ -70,4 +70,13 @@ fn a_laboratory_that_was_restarted_gets_its_line_back() {
         std::fs::remove_file(&path).unwrap();
         assert!(!line.set(0b1), "the other end is gone, and that is said");
     }
+}
+
+#[test]
+fn gpio_lines_that_cannot_be_taken_are_refused_with_their_chip_or_their_fault() {
+    let refusal = |chip: &str, offsets: &[u32]| GpioLines::open(Path::new(chip), offsets).unwrap_err().to_string();
+    assert!(refusal("/dev/no-such-chip", &[1, 2, 3]).contains("/dev/no-such-chip"));
+    assert!(refusal("/dev/null", &[1, 2, 3]).contains("/dev/null"));
+    assert!(refusal("/dev/gpiochip0", &[4, 5, 4]).contains("share"));
+    assert!(refusal("/dev/gpiochip0", &[]).contains("1 to 16"));
 }

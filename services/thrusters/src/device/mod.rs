@@ -1,5 +1,9 @@
 //! Drivers that move the valves.
 
+mod gpio;
+
+pub use gpio::GpioLines;
+
 use crate::{DRIVER_QUEUE, VALVES_QUEUE};
 use fss_bus::{Bus, BusError, Feed, Queue};
 use fss_wire::valves::ValveFrame;
