@@ -4,7 +4,6 @@
 
 mod support;
 
-use fss_base::allocation::Allocator;
 use fss_plant::Plant;
 use std::f64::consts::FRAC_PI_2;
 use support::{RATE_HZ, START, Table};
@@ -95,24 +94,4 @@ fn a_base_whose_navigation_falls_silent_shuts_its_thrusters() {
     table.opened = 0;
     table.fly_on(goal, 0.0, 2.0);
     assert_eq!(table.opened, 0);
-}
-
-#[test]
-fn thrusters_make_the_wanted_wrench_and_never_push_against_each_other() {
-    let plant = Plant::default_laboratory().unwrap();
-    let wrenches: Vec<_> = (0..8).map(|i| plant.thruster_wrench(i)).collect();
-    let mut allocator = Allocator::new(&wrenches);
-    for (fx, fy, torque) in [(0.1, 0.0, 0.0), (-0.05, 0.08, 0.004), (0.0, 0.0, -0.02), (0.15, -0.15, 0.005)] {
-        let duty = allocator.allocate([fx, fy, torque]).duty;
-        let made = |axis: usize| (0..8).map(|i| duty[i] * wrenches[i][axis]).sum::<f64>();
-        assert!(
-            (made(0) - fx).abs() < 2e-3 && (made(1) - fy).abs() < 2e-3 && (made(2) - torque).abs() < 3e-4,
-            "{duty:?}"
-        );
-        assert!(duty.iter().all(|u| (0.0..=1.0).contains(u)));
-        // Thrusters 1 and 2 push along -x, 3 and 4 along +x: a torque may need one of each, never three.
-        assert!(duty[..4].iter().filter(|u| **u > 1e-6).count() <= 2, "{duty:?}");
-    }
-    let beyond = allocator.allocate([5.0, 0.0, 0.0]);
-    assert!(beyond.missing > 0.5, "more than the thrusters have");
 }
