@@ -39,6 +39,10 @@ def same(ours, theirs):
 
 def compare(tool, topic, messages, folder):
     names, rows = exported(folder, topic)
+    # Tools differ in how they order what several publishers sent at nearly one time.
+    keys = ("published_ns", "sequence", "stamp_ns")
+    rows.sort(key=lambda row: [int(row[names.index(key)]) for key in keys])
+    messages.sort(key=lambda message: [getattr(message, key) for key in keys])
     if len(rows) != len(messages):
         sys.exit(f"{tool}: {topic}: {len(messages)} messages, ours has {len(rows)}")
     for i, (message, row) in enumerate(zip(messages, rows)):
