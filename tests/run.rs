@@ -52,18 +52,24 @@ fn launch_file(folder: &Path, first_port: u16) -> PathBuf {
     path
 }
 
-/// Processes and shared memory that name this folder or this prefix.
-fn left_behind(folder: &Path) -> Vec<String> {
+/// Processes whose command line names this folder.
+fn processes_in(folder: &Path) -> Vec<(u32, String)> {
     let folder = folder.display().to_string();
-    let mut left = Vec::new();
+    let mut found = Vec::new();
     for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+        let Ok(id) = entry.file_name().to_string_lossy().parse() else { continue };
         let command = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
         let command = text(&command).replace('\0', " ");
         if command.contains(&folder) {
-            left.push(command);
+            found.push((id, command));
         }
     }
-    left
+    found
+}
+
+/// What a run in this folder has left running.
+fn left_behind(folder: &Path) -> Vec<String> {
+    processes_in(folder).into_iter().map(|(_, command)| command).collect()
 }
 
 fn check_zero_reaction(s: &serde_json::Value) {
@@ -152,6 +158,27 @@ fn ctrl_c_leaves_a_finished_log_and_no_process() {
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
     assert_eq!(info["complete"], true);
     assert_eq!(left_behind(folder.path()), Vec::<String>::new());
+}
+
+#[test]
+fn a_dead_laboratory_ends_the_run_with_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let launch = launch_file(folder.path(), 52_090);
+    let out = folder.path().join("out");
+    let run = Command::new(env!("CARGO_BIN_EXE_fss"))
+        .args(["run", "hold", "--quiet", "--launch", launch.to_str().unwrap(), "--out", out.to_str().unwrap()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(4));
+    let lab = processes_in(folder.path()).into_iter().find(|(_, command)| command.contains("fss lab")).unwrap().0;
+    assert!(Command::new("kill").args(["-KILL", &lab.to_string()]).status().unwrap().success());
+    let output = run.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    assert!(!output.status.success() && said.contains("service 'lab' ended"), "{said}");
+    assert_eq!(left_behind(folder.path()), Vec::<String>::new());
+    succeed(&["log", "info", out.join("run.mcap").to_str().unwrap()]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What happened in a run, told from its log alone.
 
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
-use fss_records::log::{Log, LogError};
+use fss_records::log::{Log, LogError, Samples};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -98,25 +98,29 @@ impl Summary {
     /// Where the log does not hold this build's samples.
     pub fn of(log: &Log, mission: &str, vehicle: &str) -> Result<Self, LogError> {
         let name = |topic: &str| if vehicle.is_empty() { topic.to_owned() } else { format!("/{vehicle}{topic}") };
-        let truth: Vec<TruthState> = log.samples(&name(topic::TRUTH_STATE.name))?;
-        let nav: Vec<NavState> = log.samples(&name(topic::NAV_STATE.name))?;
-        let mission_states: Vec<MissionState> = log.samples(&name(topic::MISSION_STATE.name))?;
-        let arm: Vec<ArmCommand> = log.samples(&name(topic::ARM_COMMAND.name))?;
+        let mut truth = Samples::<TruthState>::of(&name(topic::TRUTH_STATE.name));
+        let mut nav = Samples::<NavState>::of(&name(topic::NAV_STATE.name));
+        let mut states = Samples::<MissionState>::of(&name(topic::MISSION_STATE.name));
+        let mut arm = Samples::<ArmCommand>::of(&name(topic::ARM_COMMAND.name));
+        let mut health = Samples::<Health>::of(&name(topic::HEALTH.name));
+        let mut events = Samples::<Event>::of(&name(topic::EVENTS.name));
+        log.collect(&mut [&mut truth, &mut nav, &mut states, &mut arm, &mut health, &mut events])?;
+        let truth = truth.samples;
         let topics = log.topics()?;
         let first_ns = topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
         let last_ns = topics.iter().map(|t| t.last_ns).max().unwrap_or(0);
-        let flown = during_mission(&truth, &mission_states);
+        let flown = during_mission(&truth, &states.samples);
         Ok(Self {
             format: "fss-summary/1",
             mission: mission.to_owned(),
-            outcome: outcome(&mission_states),
+            outcome: outcome(&states.samples),
             duration_s: (last_ns - first_ns) as f64 * 1e-9,
             base_rotation_deg: rotation(flown),
-            end_effector: end_effector(flown, &arm),
-            navigation: navigation(&nav, &truth),
+            end_effector: end_effector(flown, &arm.samples),
+            navigation: navigation(&nav.samples, &truth),
             gas_used_kg: truth.last().map(|t| t.gas_used_kg),
-            services: services(&log.samples(&name(topic::HEALTH.name))?),
-            warnings: warnings(&log.samples(&name(topic::EVENTS.name))?, first_ns),
+            services: services(&health.samples),
+            warnings: warnings(&events.samples, first_ns),
             topics: topics.into_iter().map(|t| Topic { rate_hz: t.rate_hz(), name: t.topic, count: t.count }).collect(),
         })
     }

@@ -9,7 +9,7 @@ mod reader;
 mod table;
 mod writer;
 
-pub use reader::{Gap, Log, TopicInfo};
+pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
 pub use writer::{LogWriter, Recorded};
 
 use std::path::PathBuf;

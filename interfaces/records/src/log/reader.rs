@@ -46,6 +46,52 @@ pub struct Gap {
     pub before: u64,
 }
 
+/// Something that takes the messages of one topic.
+pub trait Collect {
+    /// The topic.
+    fn topic(&self) -> &str;
+    /// Takes one message; refuses it with the sample's name and what is wrong.
+    ///
+    /// # Errors
+    /// Where the message is not what the topic should hold.
+    fn take(&mut self, channel: &mcap::Channel<'_>, body: &[u8]) -> Result<(), (&'static str, String)>;
+}
+
+/// The samples of one topic.
+pub struct Samples<T> {
+    topic: String,
+    /// In the order of the log.
+    pub samples: Vec<T>,
+}
+
+impl<T: Sample> Samples<T> {
+    /// None yet.
+    pub fn of(topic: &str) -> Self {
+        Self { topic: topic.to_owned(), samples: Vec::new() }
+    }
+}
+
+impl<T: Sample> Collect for Samples<T> {
+    fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    fn take(&mut self, channel: &mcap::Channel<'_>, body: &[u8]) -> Result<(), (&'static str, String)> {
+        // One hash a message would be waste: it is the channel's, so the first message decides.
+        let hash_is_ours = || channel.metadata.get("layout_hash").is_none_or(|h| *h == format!("{:016x}", T::HASH));
+        match T::read_from_bytes(body) {
+            Ok(sample) if !self.samples.is_empty() || hash_is_ours() => {
+                self.samples.push(sample);
+                Ok(())
+            }
+            _ => {
+                let found = channel.schema.as_ref().map_or("no schema", |schema| schema.name.as_str());
+                Err((T::NAME, format!("it holds {} bytes of {found}", body.len())))
+            }
+        }
+    }
+}
+
 impl Log {
     /// Reads a log's bytes.
     ///
@@ -90,27 +136,27 @@ impl Log {
     /// # Errors
     /// Where the topic holds another sample or another version of it.
     pub fn samples<T: Sample>(&self, topic: &str) -> Result<Vec<T>, LogError> {
-        let hash = format!("{:016x}", T::HASH);
-        let mut samples = Vec::new();
+        let mut samples = Samples::of(topic);
+        self.collect(&mut [&mut samples])?;
+        Ok(samples.samples)
+    }
+
+    /// The samples of several topics in one pass over the log.
+    ///
+    /// # Errors
+    /// Where a topic holds another sample or another version of it.
+    pub fn collect(&self, topics: &mut [&mut dyn Collect]) -> Result<(), LogError> {
         let mut refused = None;
         self.for_each(|channel, _, body| {
-            if channel.topic != topic {
-                return;
-            }
-            let same_layout = channel.metadata.get("layout_hash").is_none_or(|h| *h == hash);
-            match T::read_from_bytes(body) {
-                Ok(sample) if same_layout => samples.push(sample),
-                _ => {
-                    let found = channel.schema.as_ref().map_or("no schema", |schema| schema.name.as_str());
-                    refused = Some(format!("it holds {} bytes of {found}", body.len()));
+            for topic in topics.iter_mut().filter(|t| t.topic() == channel.topic) {
+                if let Err((sample, reason)) = topic.take(channel, body) {
+                    refused = Some((topic.topic().to_owned(), sample, reason));
                 }
             }
         })?;
         match refused {
-            Some(reason) => {
-                Err(LogError::Sample { path: self.path.clone(), topic: topic.to_owned(), sample: T::NAME, reason })
-            }
-            None => Ok(samples),
+            Some((topic, sample, reason)) => Err(LogError::Sample { path: self.path.clone(), topic, sample, reason }),
+            None => Ok(()),
         }
     }
 
