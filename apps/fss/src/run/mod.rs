@@ -2,6 +2,7 @@
 
 mod fast;
 mod launcher;
+mod picture;
 mod processes;
 mod stack;
 mod summary;
@@ -17,7 +18,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use summary::Summary;
+use summary::Records;
 
 /// Fly a mission.
 #[derive(Args)]
@@ -111,11 +112,18 @@ pub fn run(args: &RunArgs) -> Result<()> {
     }
     bar.finish_and_clear();
     let log = Log::open(&folder.join(LOG_FILE)).into_diagnostic()?;
-    let summary = Summary::of(&log, &stack.mission_name, &stack.launch.vehicle).into_diagnostic()?;
-    let path = folder.join("summary.json");
-    std::fs::write(&path, serde_json::to_string_pretty(&summary).into_diagnostic()?)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+    let records = Records::of(&log, &stack.launch.vehicle).into_diagnostic()?;
+    let summary = records.summary(&stack.mission_name);
+    let write = |name: &str, text: String| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
+    };
+    write("summary.json", serde_json::to_string_pretty(&summary).into_diagnostic()?)?;
+    let model = stack.plant.nominal().model().into_diagnostic()?;
+    let title = format!("{}: {}", stack.mission_name, stack.mission.description);
+    if let Some(svg) = picture::render(&stack.plant, &model, &title, records.flown(), records.arm()) {
+        write("run.svg", svg)?;
+    }
     summary.print();
     println!("log                {}", folder.join(LOG_FILE).display());
     if summary.outcome == "aborted" {

@@ -1,7 +1,7 @@
 //! What happened in a run, told from its log alone.
 
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
-use fss_records::log::{Log, LogError, Samples};
+use fss_records::log::{Log, LogError, Samples, TopicInfo};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -91,40 +91,79 @@ pub struct ServiceFigures {
     pub starts: u32,
 }
 
-impl Summary {
-    /// Reads the figures from a log whose topics carry `vehicle` in front.
+/// What a log holds of a run, as far as its figures need it.
+pub struct Records {
+    topics: Vec<TopicInfo>,
+    truth: Vec<TruthState>,
+    nav: Vec<NavState>,
+    states: Vec<MissionState>,
+    arm: Vec<ArmCommand>,
+    health: Vec<Health>,
+    events: Vec<Event>,
+}
+
+impl Records {
+    /// Reads a log whose topics carry `vehicle` in front.
     ///
     /// # Errors
     /// Where the log does not hold this build's samples.
-    pub fn of(log: &Log, mission: &str, vehicle: &str) -> Result<Self, LogError> {
+    pub fn of(log: &Log, vehicle: &str) -> Result<Self, LogError> {
         let name = |topic: &str| if vehicle.is_empty() { topic.to_owned() } else { format!("/{vehicle}{topic}") };
-        let mut truth = Samples::<TruthState>::of(&name(topic::TRUTH_STATE.name));
-        let mut nav = Samples::<NavState>::of(&name(topic::NAV_STATE.name));
-        let mut states = Samples::<MissionState>::of(&name(topic::MISSION_STATE.name));
-        let mut arm = Samples::<ArmCommand>::of(&name(topic::ARM_COMMAND.name));
-        let mut health = Samples::<Health>::of(&name(topic::HEALTH.name));
-        let mut events = Samples::<Event>::of(&name(topic::EVENTS.name));
+        let mut truth = Samples::of(&name(topic::TRUTH_STATE.name));
+        let mut nav = Samples::of(&name(topic::NAV_STATE.name));
+        let mut states = Samples::of(&name(topic::MISSION_STATE.name));
+        let mut arm = Samples::of(&name(topic::ARM_COMMAND.name));
+        let mut health = Samples::of(&name(topic::HEALTH.name));
+        let mut events = Samples::of(&name(topic::EVENTS.name));
         log.collect(&mut [&mut truth, &mut nav, &mut states, &mut arm, &mut health, &mut events])?;
-        let truth = truth.samples;
-        let topics = log.topics()?;
-        let first_ns = topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
-        let last_ns = topics.iter().map(|t| t.last_ns).max().unwrap_or(0);
-        let flown = during_mission(&truth, &states.samples);
         Ok(Self {
-            format: "fss-summary/1",
-            mission: mission.to_owned(),
-            outcome: outcome(&states.samples),
-            duration_s: (last_ns - first_ns) as f64 * 1e-9,
-            base_rotation_deg: rotation(flown),
-            end_effector: end_effector(flown, &arm.samples),
-            navigation: navigation(&nav.samples, &truth),
-            gas_used_kg: truth.last().map(|t| t.gas_used_kg),
-            services: services(&health.samples),
-            warnings: warnings(&events.samples, first_ns),
-            topics: topics.into_iter().map(|t| Topic { rate_hz: t.rate_hz(), name: t.topic, count: t.count }).collect(),
+            topics: log.topics()?,
+            truth: truth.samples,
+            nav: nav.samples,
+            states: states.samples,
+            arm: arm.samples,
+            health: health.samples,
+            events: events.samples,
         })
     }
 
+    /// The truth from when the mission began to fly its phases.
+    pub fn flown(&self) -> &[TruthState] {
+        let Some(start) = self.states.iter().find(|m| m.state == MissionState::RUNNING) else { return &[] };
+        &self.truth[self.truth.partition_point(|t| t.stamp_ns < start.stamp_ns)..]
+    }
+
+    /// What the arm was told.
+    pub fn arm(&self) -> &[ArmCommand] {
+        &self.arm
+    }
+
+    /// The run's figures.
+    pub fn summary(&self, mission: &str) -> Summary {
+        let first_ns = self.topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
+        let last_ns = self.topics.iter().map(|t| t.last_ns).max().unwrap_or(0);
+        let flown = self.flown();
+        Summary {
+            format: "fss-summary/1",
+            mission: mission.to_owned(),
+            outcome: outcome(&self.states),
+            duration_s: (last_ns - first_ns) as f64 * 1e-9,
+            base_rotation_deg: rotation(flown),
+            end_effector: end_effector(flown, &self.arm),
+            navigation: navigation(&self.nav, &self.truth),
+            gas_used_kg: self.truth.last().map(|t| t.gas_used_kg),
+            services: services(&self.health),
+            warnings: warnings(&self.events, first_ns),
+            topics: self
+                .topics
+                .iter()
+                .map(|t| Topic { rate_hz: t.rate_hz(), name: t.topic.clone(), count: t.count })
+                .collect(),
+        }
+    }
+}
+
+impl Summary {
     /// The short table for a person.
     pub fn print(&self) {
         println!("\n{:<26} {:>8} {:>10}", "topic", "count", "rate Hz");
@@ -168,13 +207,6 @@ fn outcome(states: &[MissionState]) -> &'static str {
         Some(MissionState::ABORTED) => "aborted",
         _ => "unfinished",
     }
-}
-
-/// The truth from when the mission began to fly its phases.
-fn during_mission<'a>(truth: &'a [TruthState], mission: &[MissionState]) -> &'a [TruthState] {
-    let Some(start) = mission.iter().find(|m| m.state == MissionState::RUNNING) else { return &[] };
-    let from = truth.partition_point(|t| t.stamp_ns < start.stamp_ns);
-    &truth[from..]
 }
 
 fn rotation(truth: &[TruthState]) -> Option<Rotation> {
