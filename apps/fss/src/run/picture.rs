@@ -49,11 +49,11 @@ pub fn render(plant: &Plant, model: &Model, title: &str, truth: &[TruthState], a
     Some(svg)
 }
 
-/// A square of the table, table frame.
+/// A square of the table, table frame, m.
 struct Window {
-    left_m: f64,
-    top_m: f64,
-    side_m: f64,
+    left: f64,
+    top: f64,
+    side: f64,
 }
 
 impl Window {
@@ -65,17 +65,17 @@ impl Window {
             points().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
         };
         let ((x0, x1), (y0, y1)) = (range(&|p| p.0), range(&|p| p.1));
-        let side_m = (x1 - x0).max(y1 - y0) + 2.0 * ROOM_M;
-        Self { left_m: 0.5 * (x0 + x1 - side_m), top_m: 0.5 * (y0 + y1 + side_m), side_m }
+        let side = (x1 - x0).max(y1 - y0) + 2.0 * ROOM_M;
+        Self { left: 0.5 * (x0 + x1 - side), top: 0.5 * (y0 + y1 + side), side }
     }
 }
 
 fn view_from_above(svg: &mut String, plant: &Plant, model: &Model, truth: &[TruthState]) {
     const GRID_M: f64 = 0.5;
     let window = Window::around(truth);
-    let scale = VIEW / window.side_m;
-    let (left_m, top_m) = (window.left_m, window.top_m);
-    let at = move |x: f64, y: f64| (20.0 + (x - left_m) * scale, 30.0 + (top_m - y) * scale);
+    let scale = VIEW / window.side;
+    let (left, top) = (window.left, window.top);
+    let at = move |x: f64, y: f64| (20.0 + (x - left) * scale, 30.0 + (top - y) * scale);
     let _ = write!(
         svg,
         "<clipPath id=\"view\"><rect x=\"20\" y=\"30\" width=\"{VIEW}\" height=\"{VIEW}\"/></clipPath>\
