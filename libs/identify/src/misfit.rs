@@ -7,6 +7,7 @@
 
 mod arm;
 mod base;
+mod geometry;
 
 use crate::measured::{Drive, Run};
 use fss_multibody::ModelError;

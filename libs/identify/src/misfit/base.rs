@@ -1,5 +1,6 @@
 //! A floating base: prescribed joints, momentum, thrust, a fitted initial state.
 
+use super::geometry::Geometry;
 use super::{ChannelMisfit, Gathered};
 use crate::measured::{Poses, Run};
 use crate::smoother::{Measurement, Noise, smooth};
@@ -24,13 +25,19 @@ pub(super) fn misfit(plant: &Plant, run: &Run, window_s: f64) -> Result<Vec<Chan
     let simulator = Simulator::new(plant, run, poses)?;
     let names = ["base_x", "base_y", "base_theta", "gyro", "ee_x", "ee_y", "ee_theta"];
     let mut gathered: [Gathered; 7] = Default::default();
+    let mut geometry = Geometry::new(plant);
     let mut from = 0;
     while from < poses.t_s.len() {
         let to = poses.t_s.partition_point(|t| *t < poses.t_s[from] + window_s);
         if to - from >= FEWEST_POSES {
-            simulator.window(from, to, &mut gathered);
+            simulator.window(from, to, &mut gathered, &mut geometry);
         }
         from = to;
+    }
+    for (t_s, error, variance) in geometry.unexplained() {
+        for i in 0..3 {
+            gathered[4 + i].add(t_s, error[i], variance[i]);
+        }
     }
     Ok(gathered.into_iter().zip(names).filter_map(|(g, name)| g.finish(&run.name, name)).collect())
 }
@@ -76,7 +83,7 @@ impl<'a> Simulator<'a> {
     }
 
     /// Fits the initial state of the poses `from..to` and gathers what is left.
-    fn window(&self, from: usize, to: usize, gathered: &mut [Gathered; 7]) {
+    fn window(&self, from: usize, to: usize, gathered: &mut [Gathered; 7], geometry: &mut Geometry) {
         // The grid of a window begins on the run's grid, at or before its first pose.
         let first_step = ((self.poses.t_s[from] - self.start_s) / STEP_S + 1e-6).floor() as usize;
         let start_s = self.start_s + first_step as f64 * STEP_S;
@@ -102,6 +109,7 @@ impl<'a> Simulator<'a> {
         let (vx, vy, omega) = first_velocity(self.poses, from, to);
         let Some(motion) = fit(Initial::from([x, y, theta, vx, vy, omega]), &fly, &residuals) else { return };
         self.gather(from, to, start_s, &motion, gathered);
+        self.gather_end_effector(from, to, start_s, &motion, geometry);
     }
 
     fn gather(&self, from: usize, to: usize, start_s: f64, motion: &[BaseSample], gathered: &mut [Gathered; 7]) {
@@ -126,17 +134,30 @@ impl<'a> Simulator<'a> {
                 gathered[3].add(t_s, gyro.values[k] - base.velocity[2], variance);
             }
         }
-        if let Some(ee) = self.run.ee_pose.as_ref().filter(|_| self.model.link_count() > 0) {
-            for k in within(&ee.t_s) {
-                let t_s = ee.t_s[k];
-                let (simulated, variance) = self.end_effector(sample(motion, start_s, t_s).pose, t_s);
-                let turn = ee.values[k][2] - simulated[2];
-                let error =
-                    [ee.values[k][0] - simulated[0], ee.values[k][1] - simulated[1], turn.sin().atan2(turn.cos())];
-                for i in 0..3 {
-                    gathered[4 + i].add(t_s, error[i], self.noise[i].powi(2) + variance[i]);
-                }
-            }
+    }
+
+    fn gather_end_effector(
+        &self,
+        from: usize,
+        to: usize,
+        start_s: f64,
+        motion: &[BaseSample],
+        geometry: &mut Geometry,
+    ) {
+        let Some(ee) = self.run.ee_pose.as_ref().filter(|_| self.model.link_count() > 0) else { return };
+        let (first_s, last_s) = (self.poses.t_s[from], self.poses.t_s[to - 1]);
+        for k in ee.t_s.partition_point(|t| *t < first_s)..ee.t_s.partition_point(|t| *t <= last_s) {
+            let t_s = ee.t_s[k];
+            let (q, [angles, _]) = self.configuration(sample(motion, start_s, t_s).pose, t_s);
+            let simulated = self.model.end_effector(&q);
+            let turn = ee.values[k][2] - simulated[2];
+            let error = [ee.values[k][0] - simulated[0], ee.values[k][1] - simulated[1], turn.sin().atan2(turn.cos())];
+            // What not knowing the joint angles leaves of the pose.
+            let jacobian = self.model.jacobian(&q);
+            let joints = jacobian.fixed_columns::<{ fss_multibody::MAX_LINKS }>(3);
+            let variance = joints.component_mul(&joints) * angles;
+            let variance = std::array::from_fn(|i| self.noise[i].powi(2) + variance[i]);
+            geometry.add(&self.model, &q, t_s, error, variance);
         }
     }
 
@@ -154,15 +175,6 @@ impl<'a> Simulator<'a> {
     fn rate_variance(&self, base: [f64; 3], t_s: f64) -> f64 {
         let (q, [_, rates]) = self.configuration(base, t_s);
         self.model.reaction_vector(&q).component_mul(&self.model.reaction_vector(&q)).dot(&rates)
-    }
-
-    /// Pose of the end-effector, and the variance that not knowing the joint angles leaves of it.
-    fn end_effector(&self, base: [f64; 3], t_s: f64) -> ([f64; 3], [f64; 3]) {
-        let (q, [angles, _]) = self.configuration(base, t_s);
-        let jacobian = self.model.jacobian(&q);
-        let joints = jacobian.fixed_columns::<{ fss_multibody::MAX_LINKS }>(3);
-        let variance = joints.component_mul(&joints) * angles;
-        (self.model.end_effector(&q).into(), variance.into())
     }
 }
 
