@@ -89,6 +89,20 @@ fn a_zero_reaction_maneuver_moves_the_arm_and_not_the_heading() {
 }
 
 #[test]
+fn no_run_replaces_another_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    for expected in ["out/reach/run.mcap", "out/reach-2/run.mcap", "out/reach-3/run.mcap"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_fss"))
+            .args(["run", "reach", "--fast", "--quiet"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert!(folder.path().join(expected).exists(), "{expected}");
+    }
+}
+
+#[test]
 fn the_same_line_without_it_turns_the_base() {
     let folder = tempfile::tempdir().unwrap();
     succeed(&["run", "reach", "--fast", "--quiet", "--out", folder.path().to_str().unwrap()]);

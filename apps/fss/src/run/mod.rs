@@ -35,7 +35,7 @@ pub struct RunArgs {
     /// Fly in one process on a virtual clock, as fast as the machine allows; the same seed gives the same bytes.
     #[arg(long)]
     fast: bool,
-    /// Folder for run.mcap and summary.json; out/MISSION where absent.
+    /// Folder for run.mcap, summary.json and run.svg; where absent out/MISSION, or out/MISSION-2 and so on.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of everything random in the laboratory.
@@ -88,7 +88,7 @@ const LOG_FILE: &str = "run.mcap";
 /// Flies a mission and says what happened.
 pub fn run(args: &RunArgs) -> Result<()> {
     let stack = Stack::load(args.launch.as_deref(), args.plant.as_deref(), &args.mission)?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(&stack.mission_name));
+    let folder = args.out.clone().unwrap_or_else(|| unused_folder(&stack.mission_name));
     std::fs::create_dir_all(&folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))?;
     let folder = folder.canonicalize().into_diagnostic()?;
     stack.write_to(&folder)?;
@@ -140,6 +140,13 @@ pub fn service(args: &ServiceArgs) -> Result<()> {
 /// Runs the simulated laboratory as a process.
 pub fn lab(args: &LabArgs) -> Result<()> {
     processes::lab(args.seed, &args.site)
+}
+
+/// `out/MISSION`, or the first of `out/MISSION-2`, `-3` and so on that holds no log yet: no run replaces another unasked.
+fn unused_folder(mission: &str) -> PathBuf {
+    let numbered = (2..).map(|k| format!("{mission}-{k}"));
+    let mut folders = std::iter::once(mission.to_owned()).chain(numbered).map(|name| Path::new("out").join(name));
+    folders.find(|folder| !folder.join(LOG_FILE).exists()).unwrap_or_else(|| Path::new("out").join(mission))
 }
 
 /// Makes a key for the links of this run, where the launch file names one in the run's folder and none is there.
