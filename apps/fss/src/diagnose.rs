@@ -99,7 +99,8 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
 
 fn report(args: &DiagnoseArgs, fitted: &[ChannelMisfit], validation: &[ChannelMisfit]) -> Result<()> {
     let all = || fitted.iter().chain(validation);
-    let wrong = all().any(|m| m.ratio() > MISFIT_RATIO);
+    // A channel whose noise the plant file does not give (a ratio without bound) decides nothing.
+    let wrong = all().any(|m| m.ratio().is_finite() && m.ratio() > MISFIT_RATIO);
     let before = overall(if validation.is_empty() { fitted } else { validation });
     let diagnosis = Diagnosis {
         format: "fss-diagnosis/1",

@@ -85,7 +85,7 @@ pub struct Experiment {
     pub ee_pose: Option<Table>,
     /// `rate_rad_s` of the base.
     pub gyro: Option<Table>,
-    /// `q1_rad.., qd1_rad_s.., current1_A.., torque1_Nm..`, as far as they were measured.
+    /// `q1_rad.., qd1_rad_s.., current1_A.., torque1_Nm..`, as far as they were measured; angles unwrapped.
     pub joints: Option<Table>,
     /// `q1_rad..` that the drivers were told.
     pub joint_command: Option<Table>,
@@ -116,6 +116,17 @@ impl Experiment {
                 })
             })
         };
+        // Angles may wrap at half a turn: those of joints too.
+        let angles = |name: &str| {
+            table(name).map(|table| {
+                table.map(|mut table| {
+                    for i in 1..=table.numbered("q", "_rad").len() {
+                        table.unwrap_angles(&format!("q{i}_rad"));
+                    }
+                    table
+                })
+            })
+        };
         Ok(Self {
             folder: folder.to_owned(),
             name: description.name,
@@ -124,8 +135,8 @@ impl Experiment {
             base_pose: pose("base_pose.csv")?,
             ee_pose: pose("ee_pose.csv")?,
             gyro: table("gyro.csv")?,
-            joints: table("joints.csv")?,
-            joint_command: table("joint_command.csv")?,
+            joints: angles("joints.csv")?,
+            joint_command: angles("joint_command.csv")?,
             valves: table("valves.csv")?,
         })
     }
