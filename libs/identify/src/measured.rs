@@ -71,6 +71,8 @@ pub struct Joints {
     pub qd_rad_s: Vec<Vec<f64>>,
     /// Motor currents, A.
     pub current_a: Vec<Vec<f64>>,
+    /// Torques that the drives pass on to their links, N m.
+    pub torque_nm: Vec<Vec<f64>>,
 }
 
 impl Many {

@@ -82,6 +82,7 @@ fn joints(table: &Table) -> Joints {
         q_rad: owned(&table.numbered("q", "_rad")),
         qd_rad_s: owned(&table.numbered("qd", "_rad_s")),
         current_a: owned(&table.numbered("current", "_A")),
+        torque_nm: owned(&table.numbered("torque", "_Nm")),
     }
 }
 
