@@ -1,7 +1,7 @@
 //! The samples themselves.
 
 use crate::schema::samples;
-use crate::{MAX_LINKS, MAX_THRUSTERS};
+use crate::{MAX_LINKS, MAX_SINES, MAX_THRUSTERS};
 
 samples! {
     /// Pose of a tracked body in the table frame.
@@ -165,6 +165,8 @@ samples! {
             BASE_FREE = 0;
             /// hold or reach base_goal
             BASE_HOLD = 1;
+            /// open the valves of `valves`, whatever the base does
+            BASE_VALVES = 2;
             /// drivers off
             ARM_OFF = 0;
             /// hold the joints where they are
@@ -179,6 +181,8 @@ samples! {
             ARM_ZERO_REACTION_POSE = 5;
             /// straight line of the end-effector with its orientation kept
             ARM_LINE_POSE = 6;
+            /// move the joints in sines about q_goal_rad
+            ARM_SINES = 7;
         }
         /// when the phase began, ns, monotonic clock
         phase_start_ns: u64,
@@ -188,6 +192,12 @@ samples! {
         base_duration_s: f64,
         /// joint goal, encoder angles, rad
         q_goal_rad: [f64; MAX_LINKS],
+        /// amplitudes of the joints' sines, MAX_SINES for joint 1, then for joint 2 and so on, rad
+        sine_amplitude_rad: [f64; MAX_LINKS * MAX_SINES],
+        /// their frequencies, Hz
+        sine_frequency_hz: [f64; MAX_LINKS * MAX_SINES],
+        /// their phases at the start of the phase, rad
+        sine_phase_rad: [f64; MAX_LINKS * MAX_SINES],
         /// length of the line, m
         line_length_m: f64,
         /// direction of the line in the table frame, rad
@@ -198,6 +208,8 @@ samples! {
         phase: u32,
         /// how many phases the mission has
         phase_count: u32,
+        /// valves to open, 1 for open
+        valves: [u8; MAX_THRUSTERS],
         /// 0 waiting, 1 running, 2 done, 3 aborted
         state: u8,
         /// what the base does, one of BASE_*
@@ -259,6 +271,8 @@ samples! {
             CONTROL = 1;
             /// an input is stale: thrusters shut
             STALE = 2;
+            /// the mission's own valves
+            OPEN_LOOP = 3;
         }
         /// wanted force in body axes, N
         force_x_n: f64,

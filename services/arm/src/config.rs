@@ -23,6 +23,8 @@ pub struct ArmConfig {
     pub drive: Drive,
     /// Rate limit of each joint, rad/s.
     pub max_rate_rad_s: JointVector,
+    /// Rate limit of each joint where it moves in sines, rad/s: in free air, with nothing at the tip to be careful of.
+    pub max_sine_rate_rad_s: JointVector,
     /// How fast joints slow down when the arm stops to hold, rad/s^2.
     pub braking_rad_s2: f64,
     /// The reference keeps this far from the joint limits, rad.
@@ -73,15 +75,18 @@ impl ArmConfig {
         let joints = || plant.links.iter().enumerate().take(MAX_LINKS);
         let mut limit_rad = JointVector::zeros();
         let mut max_rate_rad_s = JointVector::zeros();
+        let mut max_sine_rate_rad_s = JointVector::zeros();
         for (i, link) in joints() {
             limit_rad[i] = link.joint_limit_rad;
             max_rate_rad_s[i] = plant.servo(i).max_rate_rad_s.min(0.3);
+            max_sine_rate_rad_s[i] = plant.servo(i).max_rate_rad_s.min(0.6);
         }
         Ok(Self {
             model: physics.model(0.0)?,
             limit_rad,
             drive: Drive::Position,
             max_rate_rad_s,
+            max_sine_rate_rad_s,
             braking_rad_s2: 0.3,
             margin_rad: 0.005,
             approach_1_s: 2.0,

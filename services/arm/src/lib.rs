@@ -39,6 +39,7 @@ mod line;
 mod profile;
 mod reference;
 mod service;
+mod sines;
 mod task;
 mod tracker;
 

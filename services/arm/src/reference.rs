@@ -12,7 +12,7 @@ pub(crate) struct Reference {
 
 impl Reference {
     /// Largest angle that the reference may take, to both sides of zero.
-    fn reach(config: &ArmConfig, joint: usize) -> f64 {
+    pub(crate) fn reach(config: &ArmConfig, joint: usize) -> f64 {
         (config.limit_rad[joint] - config.margin_rad).max(0.0)
     }
 

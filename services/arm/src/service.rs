@@ -157,6 +157,12 @@ impl ArmService {
             let needs = motion.duration_s;
             say(events, seen.now, Event::WARNING, format_args!("the joints need {needs:.1} s for this motion"));
         }
+        if let Task::Sines(sines) = &self.task
+            && sines.share < 1.0
+        {
+            let percent = sines.share * 100.0;
+            say(events, seen.now, Event::WARNING, format_args!("the joints move in {percent:.0} % of these sines"));
+        }
     }
 
     /// Whether the task cannot go on because something that it needs is not seen.
@@ -168,7 +174,7 @@ impl ArmService {
         match self.task {
             Task::Off => false,
             Task::Hold => seen.links.is_none(),
-            Task::Joints(_) => !all_driven || seen.mission.is_none(),
+            Task::Joints(_) | Task::Sines(_) => !all_driven || seen.mission.is_none(),
             Task::LineToBegin(_) | Task::Line(_) => !all_driven || seen.mission.is_none() || seen.here.is_none(),
         }
     }
@@ -195,6 +201,13 @@ impl ArmService {
                 }
                 self.command.progress = motion.advance(&mut self.reference, seen.dt_s);
                 self.task = Task::Joints(motion);
+            }
+            (Task::Sines(mut sines), _) => {
+                if sines.was_interrupted(&self.reference) {
+                    sines = sines.resumed(&self.reference);
+                }
+                self.command.progress = sines.advance(&mut self.reference, seen.dt_s);
+                self.task = Task::Sines(sines);
             }
             (Task::Line(line), Some(here)) => self.follow(line, here, seen, events),
             _ => self.reference.brake(&self.config, seen.dt_s),

@@ -4,12 +4,14 @@ use crate::ArmConfig;
 use crate::line::{Ask, Line};
 use crate::profile::{PEAK_RATE, quintic};
 use crate::reference::Reference;
+use crate::sines::Sines;
 use core::fmt;
 use fss_messages::MissionState;
 use fss_multibody::JointVector;
 
 /// What the arm does in this phase.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant)] // a box would allocate while the arm works
 pub(crate) enum Task {
     /// Drivers off.
     Off,
@@ -17,6 +19,8 @@ pub(crate) enum Task {
     Hold,
     /// Joints move to given angles.
     Joints(JointMove),
+    /// Joints move in sines.
+    Sines(Sines),
     /// A line that has not yet begun.
     LineToBegin(Ask),
     /// A line under way.
@@ -32,6 +36,7 @@ impl Task {
                 let to = JointVector::from_column_slice(&mission.q_goal_rad);
                 Self::Joints(JointMove::new(config, reference, to, mission.arm_duration_s - late_s))
             }
+            MissionState::ARM_SINES => Self::Sines(Sines::of(mission, config, reference, late_s)),
             MissionState::ARM_LINE
             | MissionState::ARM_LINE_POSE
             | MissionState::ARM_ZERO_REACTION

@@ -2,7 +2,8 @@
 //!
 //! A smooth reference leads from where the base is to the mission's goal; computed-torque control turns the pose error
 //! into a wanted wrench with the inertia of base and arm as they stand ([`fss_multibody`]); the allocator finds open shares
-//! for one-sided thrusters, the modulator on/off valves. Where an input is stale, all valves are shut.
+//! for one-sided thrusters, the modulator on/off valves. Where an input is stale, all valves are shut. A mission that
+//! excites the vehicle for identification sets the valves itself; the controller then only passes them on.
 
 pub mod allocation;
 pub mod guidance;
@@ -10,7 +11,7 @@ pub mod modulation;
 
 use allocation::{Allocator, Wrench};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{BaseCommand, Event, LinksState, MissionState, NavState, ThrustersCommand, topic};
+use fss_messages::{BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, NavState, ThrustersCommand, topic};
 use fss_multibody::{Model, State};
 use fss_plant::Plant;
 use guidance::Leg;
@@ -132,8 +133,10 @@ impl Base {
     /// The mode that the inputs allow, with the state and the goal to fly.
     fn mode(now: Time, inputs: &Inputs) -> (u8, Option<(&NavState, &MissionState)>) {
         let Some(mission) = inputs.mission.within(now, MAX_MISSION_AGE_NS) else { return (BaseCommand::STALE, None) };
-        if mission.base_mode == MissionState::BASE_FREE {
-            return (BaseCommand::OFF, None);
+        match mission.base_mode {
+            MissionState::BASE_FREE => return (BaseCommand::OFF, None),
+            MissionState::BASE_VALVES => return (BaseCommand::OPEN_LOOP, None),
+            _ => {}
         }
         match inputs.nav.within(now, MAX_NAV_AGE_NS) {
             Some(nav) if nav.mode != NavState::INITIALISING && nav.mode != NavState::LOST => {
@@ -253,6 +256,10 @@ impl Service for Base {
             (s.force_x_n, s.force_y_n, s.torque_nm) = (0.0, 0.0, 0.0);
             s.duty_cycle = Default::default();
             s.saturated = 0;
+            if let Some(mission) = inputs.mission.get().filter(|_| mode == BaseCommand::OPEN_LOOP) {
+                let count = self.config.thruster_wrenches.len().min(MAX_THRUSTERS);
+                valves.valves[..count].copy_from_slice(&mission.valves[..count]);
+            }
         }
         outputs.command.publish(self.sample);
         outputs.thrusters.publish(valves);

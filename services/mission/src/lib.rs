@@ -13,5 +13,5 @@ mod file;
 mod service;
 
 pub use error::MissionError;
-pub use file::{ArmGoal, BaseGoal, Initial, Mission, Phase};
+pub use file::{ArmGoal, BaseGoal, Initial, Mission, Phase, Pulse, Sine};
 pub use service::{Inputs, MissionConfig, MissionService, Outputs};

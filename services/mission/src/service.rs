@@ -1,8 +1,8 @@
 //! Flies a mission: phase after phase, or the safe end.
 
-use crate::{ArmGoal, BaseGoal, Mission, Phase};
+use crate::{ArmGoal, BaseGoal, Mission, Phase, Pulse, Sine};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{ArmCommand, Event, LinksState, MAX_LINKS, MissionState, NavState, topic};
+use fss_messages::{ArmCommand, Event, LinksState, MAX_LINKS, MAX_SINES, MAX_THRUSTERS, MissionState, NavState, topic};
 
 /// How patient the mission is.
 #[derive(Clone, Copy, Debug)]
@@ -138,6 +138,11 @@ impl MissionService {
                 self.end(MissionState::DONE);
             }
         }
+        if self.sample.base_mode == MissionState::BASE_VALVES
+            && let BaseGoal::Valves(pulses) = &self.mission.phases[self.sample.phase as usize].base
+        {
+            self.sample.valves = open_valves(pulses, now.age_ns(self.sample.phase_start_ns));
+        }
     }
 
     fn begin(&mut self, index: usize, start: Time, inputs: &Inputs, events: &mut Output<Event>) {
@@ -157,6 +162,7 @@ impl MissionService {
     fn end(&mut self, state: u8) {
         self.sample.state = state;
         self.sample.base_mode = MissionState::BASE_FREE;
+        self.sample.valves = [0; MAX_THRUSTERS];
         self.sample.arm_mode = MissionState::ARM_HOLD;
     }
 
@@ -192,6 +198,7 @@ fn set_base_goal(s: &mut MissionState, phase: &Phase, here: [f64; 3]) {
     s.base_goal_relative = 0;
     s.base_mode = MissionState::BASE_HOLD;
     s.base_duration_s = phase.duration_s;
+    s.valves = [0; MAX_THRUSTERS];
     match phase.base {
         BaseGoal::Free => {
             s.base_mode = MissionState::BASE_FREE;
@@ -210,6 +217,38 @@ fn set_base_goal(s: &mut MissionState, phase: &Phase, here: [f64; 3]) {
                 (theta - here[2] + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
             s.base_goal = [x, y, here[2] + turn];
         }
+        BaseGoal::Valves(_) => {
+            s.base_mode = MissionState::BASE_VALVES;
+            s.base_goal = here;
+        }
+    }
+}
+
+/// Which valves the pulses want open `since_ns` after the start of their phase.
+fn open_valves(pulses: &[Pulse], since_ns: u64) -> [u8; MAX_THRUSTERS] {
+    let mut valves = [0; MAX_THRUSTERS];
+    // The mission steps on a raster of its own: what falls between two steps comes with the later one.
+    let ns = |time_s: f64| (time_s * 1e9).round() as u64;
+    for pulse in pulses.iter().filter(|p| (ns(p.at_s)..ns(p.at_s + p.for_s)).contains(&since_ns)) {
+        for &thruster in &pulse.thrusters {
+            if let Some(valve) = valves.get_mut(thruster) {
+                *valve = 1;
+            }
+        }
+    }
+    valves
+}
+
+fn set_sines(s: &mut MissionState, sines: &[Sine]) {
+    s.sine_amplitude_rad = [0.0; MAX_LINKS * MAX_SINES];
+    let mut used = [0; MAX_LINKS];
+    for sine in sines {
+        let Some(own) = used.get_mut(sine.joint).filter(|own| **own < MAX_SINES) else { continue };
+        let slot = sine.joint * MAX_SINES + *own;
+        *own += 1;
+        s.sine_amplitude_rad[slot] = sine.amplitude_rad;
+        s.sine_frequency_hz[slot] = sine.frequency_hz;
+        s.sine_phase_rad[slot] = sine.phase_rad;
     }
 }
 
@@ -223,6 +262,13 @@ fn set_arm_goal(s: &mut MissionState, phase: &Phase) {
                 *goal = *q;
             }
             MissionState::ARM_JOINTS
+        }
+        ArmGoal::Sines { about_rad, sines } => {
+            for (goal, q) in s.q_goal_rad.iter_mut().zip(about_rad) {
+                *goal = *q;
+            }
+            set_sines(s, sines);
+            MissionState::ARM_SINES
         }
         ArmGoal::Line { length_m, direction_rad, keep_orientation, zero_reaction } => {
             s.line_length_m = *length_m;

@@ -1,7 +1,7 @@
 //! Mission files: those that come with fss fit its plant, and a bad one is refused with the line and what to do.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_mission::{ArmGoal, BaseGoal, Mission, MissionError};
+use fss_mission::{ArmGoal, BaseGoal, Mission, MissionError, Pulse, Sine};
 use fss_plant::Plant;
 use std::path::Path;
 
@@ -10,7 +10,8 @@ const LINK: &str = "[[link]]\nlength_m = 0.38\ncom_to_next_joint_m = 0.19\nmass_
 
 fn four_link_plant() -> Plant {
     let base = "[base]\nmass_kg = 10.0\ninertia_kg_m2 = 0.25\njoint1_xy_m = [0.2058, 0.0155]\n";
-    Plant::parse(&format!("{base}{}", LINK.repeat(4))).unwrap()
+    let thruster = "[[thruster]]\nposition_m = [0.1, 0.1]\nforce_direction = [0, 1]\nthrust_N = 0.159\n";
+    Plant::parse(&format!("{base}{}{}", thruster.repeat(8), LINK.repeat(4))).unwrap()
 }
 
 fn shipped(name: &str) -> String {
@@ -24,6 +25,15 @@ fn the_missions_that_come_with_fss_fit_a_four_link_vehicle() {
         let mission = Mission::parse_for(&shipped(&format!("{name}.toml")), &four_link_plant()).unwrap();
         assert_eq!(mission.name, name);
         assert!(!mission.description.is_empty());
+    }
+}
+
+#[test]
+fn the_experiments_fit_it_too_and_last_about_forty_seconds() {
+    for name in ["coast", "single-joint", "excitation", "thrusters", "mixed", "validation"] {
+        let mission = Mission::parse_for(&shipped(&format!("experiment-{name}.toml")), &four_link_plant()).unwrap();
+        assert_eq!(mission.name, format!("experiment-{name}"));
+        assert!((38.0..42.0).contains(&mission.duration_s()), "{name} lasts {} s", mission.duration_s());
     }
 }
 
@@ -104,6 +114,49 @@ fn goals_beyond_the_plant_are_refused() {
     refused(with_goals("{ goal = \"goto\", x_m = 2.1, y_m = 0, theta_deg = 0 }", HOLD), 4, &["2.1", "table"]);
     refused(with_goals(FREE, "{ goal = \"line\", length_m = -0.1, direction_deg = 0 }"), 5, &["-0.1", "positive"]);
     refused(with_goals(FREE, "{ goal = \"line\", length_m = 9, direction_deg = 0 }"), 5, &["beyond the arm"]);
+}
+
+const PULSE: &str = "{ at_s = 1, for_s = 0.5, thrusters = [1, 8] }";
+const SINE: &str = "{ joint = 2, amplitude_deg = 20, frequency_Hz = 0.1, phase_deg = 90 }";
+
+fn valves(pulses: &str) -> String {
+    format!("{{ goal = \"valves\", pulses = [{pulses}] }}")
+}
+
+fn sines(sines: &str) -> String {
+    format!("{{ goal = \"sines\", q_deg = [0, 60, 0, 0], sines = [{sines}] }}")
+}
+
+#[test]
+fn an_excitation_says_which_valves_open_when_and_which_joints_move_how() {
+    let phase = with_goals(&valves(PULSE), &sines(SINE)).unwrap().phases.remove(0);
+    assert_eq!(phase.base, BaseGoal::Valves(vec![Pulse { at_s: 1.0, for_s: 0.5, thrusters: vec![0, 7] }]));
+    let ArmGoal::Sines { about_rad, sines } = phase.arm else { panic!("{:?}", phase.arm) };
+    assert!((about_rad[1] - 60_f64.to_radians()).abs() < 1e-12);
+    let (amplitude_rad, phase_rad) = (20_f64.to_radians(), 90_f64.to_radians());
+    assert_eq!(sines, [Sine { joint: 1, amplitude_rad, frequency_hz: 0.1, phase_rad }]);
+}
+
+#[test]
+fn an_excitation_that_cannot_be_flown_is_refused() {
+    let pulse = |text: &str| with_goals(&valves(text), HOLD);
+    refused(pulse("{ at_s = 1, for_s = 0.5, thrusters = [9] }"), 4, &["no thruster 9", "1 to 8"]);
+    refused(pulse("{ at_s = 1, for_s = 0.5, thrusters = [0] }"), 4, &["no thruster 0"]);
+    refused(pulse("{ at_s = 1, for_s = 0.5, thrusters = [] }"), 4, &["opens no valve"]);
+    refused(pulse("{ at_s = 9.8, for_s = 0.5, thrusters = [1] }"), 4, &["10.3", "after its phase"]);
+    refused(pulse("{ at_s = -1, for_s = 0.5, thrusters = [1] }"), 4, &["-1"]);
+    refused(pulse("{ at_s = 1, for_s = 0, thrusters = [1] }"), 4, &["cannot last 0"]);
+    refused(with_goals("{ goal = \"valves\" }", HOLD), 4, &["pulses", "add the key"]);
+    refused(with_goals(&format!("{{ goal = \"free\", pulses = [{PULSE}] }}"), HOLD), 4, &["pulses", "valves"]);
+    let sine = |text: &str| with_goals(FREE, &sines(text));
+    refused(sine("{ joint = 5, amplitude_deg = 2, frequency_Hz = 0.1 }"), 5, &["no joint 5", "1 to 4"]);
+    refused(sine("{ joint = 1, amplitude_deg = 2, frequency_Hz = 0 }"), 5, &["0 Hz", "positive"]);
+    refused(sine(&format!("{SINE}, {{ joint = 2, amplitude_deg = 11, frequency_Hz = 0.1 }}")), 5, &["91.0", "stop"]);
+    refused(sine("{ joint = 1, amplitude_deg = 60, frequency_Hz = 1 }"), 5, &["6.58 rad/s", "1.5 rad/s"]);
+    let small = "{ joint = 1, amplitude_deg = 1, frequency_Hz = 0.1 }";
+    refused(sine(&[small; 4].join(", ")), 5, &["more than 3 sines"]);
+    refused(with_goals(FREE, "{ goal = \"sines\", q_deg = [0, 0, 0, 0] }"), 5, &["sines", "add the key"]);
+    refused(with_goals(FREE, &format!("{{ goal = \"hold\", sines = [{SINE}] }}")), 5, &["`sines`"]);
 }
 
 #[test]

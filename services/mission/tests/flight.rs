@@ -107,6 +107,33 @@ fn phases_follow_each_other_on_time_and_the_end_is_safe() {
     assert_eq!((done.base_mode, done.arm_mode), (MissionState::BASE_FREE, MissionState::ARM_HOLD));
 }
 
+#[test]
+fn valves_open_by_the_clock_of_their_phase_and_are_shut_in_the_end() {
+    let mut flight = Flight::of(
+        r#"
+[[phase]]
+duration_s = 2
+base = { goal = "valves", pulses = [
+    { at_s = 0.5, for_s = 0.25, thrusters = [1, 3] }, { at_s = 1.9, for_s = 0.1, thrusters = [2] },
+] }
+arm = { goal = "sines", q_deg = [0, 10, 0, 0], sines = [{ joint = 2, amplitude_deg = 5, frequency_Hz = 0.2 }] }
+"#,
+    );
+    while flight.fly(0.05).state == MissionState::WAITING {}
+    let mut open = vec![];
+    for _ in 0..39 {
+        let state = flight.fly(0.05);
+        assert_eq!((state.base_mode, state.arm_mode), (MissionState::BASE_VALVES, MissionState::ARM_SINES));
+        assert!((state.sine_amplitude_rad[3] - 5_f64.to_radians()).abs() < 1e-12, "the first of joint 2");
+        open.push((state.valves[0], state.valves[1], state.valves[2]));
+    }
+    let steps = |valves| open.iter().filter(|seen| **seen == valves).count();
+    assert_eq!((steps((1, 0, 1)), steps((0, 1, 0)), steps((0, 0, 0))), (5, 2, 32));
+    assert_eq!(open[9], (1, 0, 1), "0.5 s after the start of the phase");
+    let done = flight.fly(0.1);
+    assert_eq!((done.state, done.base_mode, done.valves), (MissionState::DONE, MissionState::BASE_FREE, [0; 16]));
+}
+
 #[track_caller]
 fn aborts_after(mut flight: Flight, spoil: impl Fn(&mut Flight), at_least_s: f64, at_most_s: f64) {
     assert_eq!(flight.fly(2.0).state, MissionState::RUNNING);

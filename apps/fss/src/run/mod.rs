@@ -23,7 +23,7 @@ use summary::Records;
 /// Fly a mission.
 #[derive(Args)]
 pub struct RunArgs {
-    /// A mission that comes with fss (hold, slew, reach, zero-reaction) or a mission file.
+    /// A mission that comes with fss (hold, slew, reach, zero-reaction, experiment-*) or a mission file.
     #[arg(default_value = "zero-reaction")]
     mission: String,
     /// Launch file: rates, priorities, cores, devices.

@@ -16,6 +16,12 @@ pub const MISSIONS: &[(&str, &str)] = &[
     ("slew", include_str!("../../../../deploy/etc/missions/slew.toml")),
     ("reach", include_str!("../../../../deploy/etc/missions/reach.toml")),
     ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
+    ("experiment-coast", include_str!("../../../../deploy/etc/missions/experiment-coast.toml")),
+    ("experiment-single-joint", include_str!("../../../../deploy/etc/missions/experiment-single-joint.toml")),
+    ("experiment-excitation", include_str!("../../../../deploy/etc/missions/experiment-excitation.toml")),
+    ("experiment-thrusters", include_str!("../../../../deploy/etc/missions/experiment-thrusters.toml")),
+    ("experiment-mixed", include_str!("../../../../deploy/etc/missions/experiment-mixed.toml")),
+    ("experiment-validation", include_str!("../../../../deploy/etc/missions/experiment-validation.toml")),
 ];
 
 const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.toml");

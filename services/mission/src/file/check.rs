@@ -1,5 +1,7 @@
 //! From what is written to what is meant: values that make no sense are refused where they stand.
 
+mod excitation;
+
 use super::{ArmGoal, BaseGoal, Initial, Mission, Phase, raw};
 use crate::error::Fault;
 use fss_messages::MAX_LINKS;
@@ -63,7 +65,7 @@ fn phase(raw: Spanned<raw::Phase>, index: usize, plant: For) -> Checked<Phase> {
         let help = format!("give 0 to {LONGEST_PHASE_S} s, or leave it out");
         return Err(Fault::new(span, format!("goals cannot be kept for {settle_s} s"), help));
     }
-    let base = base_goal(&raw.base, plant)?;
+    let base = base_goal(&raw.base, duration_s + settle_s, plant)?;
     let arm = arm_goal(&raw.arm, plant)?;
     if matches!(arm, ArmGoal::Line { zero_reaction: true, .. }) && base != BaseGoal::Free {
         return Err(Fault::new(
@@ -76,8 +78,12 @@ fn phase(raw: Spanned<raw::Phase>, index: usize, plant: For) -> Checked<Phase> {
     Ok(Phase { name, duration_s, settle_s, base, arm })
 }
 
-fn base_goal(raw: &raw::Base, plant: For) -> Checked<BaseGoal> {
+fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
     let goal = *raw.goal.get_ref();
+    if goal != raw::BaseGoal::Valves {
+        let keys = [("pulses", raw.pulses.as_ref().map(Spanned::span))];
+        refuse_all(keys.into_iter(), "only the base's goal \"valves\" takes it")?;
+    }
     if goal == raw::BaseGoal::Goto {
         let relative = raw.relative.as_ref().is_some_and(|r| *r.get_ref());
         if raw.x_m.is_none() && raw.y_m.is_none() && raw.theta_deg.is_none() {
@@ -100,7 +106,11 @@ fn base_goal(raw: &raw::Base, plant: For) -> Checked<BaseGoal> {
     let numbers = numbers.map(|(key, value)| (key, value.as_ref().map(Spanned::span)));
     let relative = ("relative", raw.relative.as_ref().map(Spanned::span));
     refuse_all(numbers.into_iter().chain([relative]), "only the base's goal \"goto\" takes it")?;
-    Ok(if goal == raw::BaseGoal::Free { BaseGoal::Free } else { BaseGoal::Hold })
+    Ok(match goal {
+        raw::BaseGoal::Free => BaseGoal::Free,
+        raw::BaseGoal::Valves => BaseGoal::Valves(excitation::pulses(raw, phase_s, plant)?),
+        _ => BaseGoal::Hold,
+    })
 }
 
 fn arm_goal(raw: &Spanned<raw::Arm>, plant: For) -> Checked<ArmGoal> {
@@ -114,9 +124,13 @@ fn arm_goal(raw: &Spanned<raw::Arm>, plant: For) -> Checked<ArmGoal> {
         ];
         refuse_all(keys.into_iter(), "only the arm's goals \"line\" and \"zero-reaction\" take it")?;
     }
-    if *raw.goal.get_ref() != raw::ArmGoal::Joints {
+    if *raw.goal.get_ref() != raw::ArmGoal::Sines {
+        let keys = [("sines", raw.sines.as_ref().map(Spanned::span))];
+        refuse_all(keys.into_iter(), "only the arm's goal \"sines\" takes it")?;
+    }
+    if !matches!(raw.goal.get_ref(), raw::ArmGoal::Joints | raw::ArmGoal::Sines) {
         let keys = [("q_deg", raw.q_deg.as_ref().map(Spanned::span))];
-        refuse_all(keys.into_iter(), "only the arm's goal \"joints\" takes it")?;
+        refuse_all(keys.into_iter(), "only the arm's goals \"joints\" and \"sines\" take it")?;
     }
     let missing = |key: &str| Fault::new(table.clone(), format!("missing field `{key}`"), "add the key to this table");
     match raw.goal.get_ref() {
@@ -125,6 +139,12 @@ fn arm_goal(raw: &Spanned<raw::Arm>, plant: For) -> Checked<ArmGoal> {
         raw::ArmGoal::Joints => {
             let q_deg = raw.q_deg.as_ref().ok_or_else(|| missing("q_deg"))?;
             joint_angles(q_deg, plant).map(ArmGoal::Joints)
+        }
+        raw::ArmGoal::Sines => {
+            let q_deg = raw.q_deg.as_ref().ok_or_else(|| missing("q_deg"))?;
+            let about_rad = joint_angles(q_deg, plant)?;
+            let sines = raw.sines.as_ref().ok_or_else(|| missing("sines"))?;
+            Ok(ArmGoal::Sines { sines: excitation::sines(sines, &about_rad, plant)?, about_rad })
         }
         goal => {
             let length = raw.length_m.as_ref().ok_or_else(|| missing("length_m"))?;

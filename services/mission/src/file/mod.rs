@@ -16,6 +16,17 @@
 //! arm = { goal = "line", length_m = 0.1, direction_deg = 240, keep_orientation = false }
 //!                              # or "zero-reaction" with the same keys, "joints" with q_deg, "hold", "off"
 //! ```
+//!
+//! Two goals excite the vehicle for identification, with no feedback from where it is:
+//!
+//! ```toml
+//! # thrusters (from 1) open together at a time of the phase for a time, in steps of the mission's own rate
+//! base = { goal = "valves", pulses = [{ at_s = 1, for_s = 0.5, thrusters = [1, 2] }] }
+//! # joints (from 1) move in sines about q_deg, which fade in and out
+//! arm = { goal = "sines", q_deg = [-30, 60, -60, 30], sines = [
+//!     { joint = 1, amplitude_deg = 15, frequency_Hz = 0.1, phase_deg = 0 },
+//! ] }
+//! ```
 
 mod check;
 mod raw;
@@ -65,7 +76,7 @@ pub struct Phase {
 }
 
 /// What the base does in a phase.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum BaseGoal {
     /// Thrusters shut.
     Free,
@@ -78,6 +89,32 @@ pub enum BaseGoal {
         /// Whether `pose` is added to where the base is (in table axes) when the phase begins.
         relative: bool,
     },
+    /// Valves open and shut by the clock, whatever the base does.
+    Valves(Vec<Pulse>),
+}
+
+/// A time in which valves are open.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pulse {
+    /// When they open, from the start of the phase, s.
+    pub at_s: f64,
+    /// For how long, s.
+    pub for_s: f64,
+    /// Thrusters, from 0.
+    pub thrusters: Vec<usize>,
+}
+
+/// A sine of one joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sine {
+    /// The joint, from 0.
+    pub joint: usize,
+    /// Amplitude, rad.
+    pub amplitude_rad: f64,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Phase at the start of the phase, rad.
+    pub phase_rad: f64,
 }
 
 /// What the arm does in a phase.
@@ -89,6 +126,13 @@ pub enum ArmGoal {
     Hold,
     /// Joints move to these encoder angles, rad.
     Joints(Vec<f64>),
+    /// Joints move in sines, at most [`MAX_SINES`](fss_messages::MAX_SINES) each.
+    Sines {
+        /// Encoder angles about which they move, rad.
+        about_rad: Vec<f64>,
+        /// The sines.
+        sines: Vec<Sine>,
+    },
     /// The end-effector moves along a straight line in the table frame.
     Line {
         /// Length, m.

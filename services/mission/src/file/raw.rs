@@ -47,6 +47,15 @@ pub(super) struct Base {
     pub(super) y_m: Option<Number>,
     pub(super) theta_deg: Option<Number>,
     pub(super) relative: Option<Spanned<bool>>,
+    pub(super) pulses: Option<Spanned<Vec<Spanned<Pulse>>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pulse {
+    pub(super) at_s: Number,
+    pub(super) for_s: Number,
+    pub(super) thrusters: Spanned<Vec<Spanned<usize>>>,
 }
 
 #[derive(Clone, Copy, PartialEq, Deserialize)]
@@ -55,6 +64,7 @@ pub(super) enum BaseGoal {
     Free,
     Hold,
     Goto,
+    Valves,
 }
 
 #[derive(Deserialize)]
@@ -65,6 +75,18 @@ pub(super) struct Arm {
     pub(super) length_m: Option<Number>,
     pub(super) direction_deg: Option<Number>,
     pub(super) keep_orientation: Option<Spanned<bool>>,
+    pub(super) sines: Option<Spanned<Vec<Spanned<Sine>>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sine {
+    pub(super) joint: Spanned<usize>,
+    pub(super) amplitude_deg: Number,
+    #[serde(rename = "frequency_Hz")]
+    pub(super) frequency_hz: Number,
+    #[serde(default)]
+    pub(super) phase_deg: Option<Number>,
 }
 
 #[derive(Clone, Copy, PartialEq, Deserialize)]
@@ -73,6 +95,7 @@ pub(super) enum ArmGoal {
     Off,
     Hold,
     Joints,
+    Sines,
     Line,
     ZeroReaction,
 }
