@@ -1,13 +1,13 @@
-//! `fss log`: what a log holds.
+//! `fss log`: what a log holds, as tables, and whole again where it was broken.
 
 use clap::{Args, Subcommand};
 use fss_messages::{Event, text_of, topic};
-use fss_records::log::{Log, TopicInfo};
-use miette::{IntoDiagnostic, Result, WrapErr};
+use fss_records::log::{Damage, Log, TopicInfo};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Serialize;
 use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::PathBuf;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
 
 /// Commands on a log.
 #[derive(Subcommand)]
@@ -16,6 +16,18 @@ pub enum LogCommand {
     Info(InfoArgs),
     /// Write every topic as a table.
     Export(ExportArgs),
+    /// Make a whole log of what a broken one still holds: all but the last second where its recorder was killed.
+    Recover(RecoverArgs),
+}
+
+/// What to recover.
+#[derive(Args)]
+pub struct RecoverArgs {
+    /// The log, an MCAP file that was cut off or damaged.
+    log: PathBuf,
+    /// The new log; where absent LOG with .recovered before its ending.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
 }
 
 /// What to export.
@@ -43,12 +55,24 @@ pub fn run(command: &LogCommand) -> Result<()> {
     match command {
         LogCommand::Info(args) => info(args),
         LogCommand::Export(args) => export(args),
+        LogCommand::Recover(args) => recover(args),
+    }
+}
+
+/// Output that nobody reads any more (`| head`) is no failure.
+fn unless_unread(outcome: io::Result<()>) -> Result<()> {
+    match outcome {
+        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        outcome => outcome.into_diagnostic(),
     }
 }
 
 #[derive(Serialize)]
 struct Info {
     complete: bool,
+    damaged_places: u64,
+    damaged_bytes: u64,
+    cut_off_bytes: u64,
     topics: Vec<TopicRow>,
 }
 
@@ -77,30 +101,60 @@ impl From<TopicInfo> for TopicRow {
 
 fn info(args: &InfoArgs) -> Result<()> {
     let log = Log::open(&args.log).into_diagnostic()?;
+    let (topics, damage) = log.survey().into_diagnostic()?;
+    let Damage { places, bytes, cut_off_bytes } = damage;
     let info = Info {
         complete: log.is_complete(),
-        topics: log.topics().into_diagnostic()?.into_iter().map(Into::into).collect(),
+        damaged_places: places,
+        damaged_bytes: bytes,
+        cut_off_bytes,
+        topics: topics.into_iter().map(Into::into).collect(),
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&info).into_diagnostic()?);
-        return Ok(());
+        let json = serde_json::to_string_pretty(&info).into_diagnostic()?;
+        return unless_unread(writeln!(io::stdout(), "{json}"));
     }
-    println!("{:<24} {:<28} {:>8} {:>10}", "topic", "schema", "count", "rate Hz");
+    let events = log.samples::<Event>(topic::EVENTS.name).into_diagnostic()?;
+    unless_unread(print_info(&info, &events, &args.log, &mut BufWriter::new(io::stdout().lock())))
+}
+
+fn print_info(info: &Info, events: &[Event], path: &Path, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{:<24} {:<28} {:>8} {:>10}", "topic", "schema", "count", "rate Hz")?;
     for t in &info.topics {
         let rate = t.rate_hz.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}"));
-        println!("{:<24} {:<28} {:>8} {:>10}", t.topic, t.schema, t.count, rate);
+        writeln!(out, "{:<24} {:<28} {:>8} {:>10}", t.topic, t.schema, t.count, rate)?;
     }
     let start_ns = info.topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
-    for event in log.samples::<Event>(topic::EVENTS.name).into_diagnostic()? {
+    for event in events {
         let severity =
             ["debug", "info", "warning", "error", "critical"].get(usize::from(event.severity)).unwrap_or(&"?");
         let t_s = event.stamp_ns.saturating_sub(start_ns) as f64 * 1e-9;
-        println!("{t_s:>10.3} s  {severity:<8} {:<10} {}", text_of(&event.service), text_of(&event.text));
+        writeln!(out, "{t_s:>10.3} s  {severity:<8} {:<10} {}", text_of(&event.service), text_of(&event.text))?;
+    }
+    if info.damaged_places > 0 {
+        writeln!(out, "damaged in {} places: {} bytes cannot be read", info.damaged_places, info.damaged_bytes)?;
     }
     if !info.complete {
-        println!("the log was cut off: what follows its last whole chunk is missing");
+        let path = path.display();
+        writeln!(out, "the log was cut off or damaged at its end; `fss log recover {path}` makes a whole one")?;
     }
-    Ok(())
+    out.flush()
+}
+
+fn recover(args: &RecoverArgs) -> Result<()> {
+    let out = args.out.clone().unwrap_or_else(|| args.log.with_extension("recovered.mcap"));
+    if out.exists() {
+        return Err(miette!(help = "name another with --out", "{} exists", out.display()));
+    }
+    let found = Log::open(&args.log).into_diagnostic()?.recover_to(&out).into_diagnostic()?;
+    let span_s = (found.last_ns - found.first_ns) as f64 * 1e-9;
+    let Damage { places, bytes, cut_off_bytes } = found.damage;
+    unless_unread(writeln!(
+        io::stdout(),
+        "{}: {} messages over {span_s:.2} s; {places} damaged places ({bytes} bytes), {cut_off_bytes} bytes of an unfinished record",
+        out.display(),
+        found.messages
+    ))
 }
 
 fn export(args: &ExportArgs) -> Result<()> {
@@ -114,7 +168,7 @@ fn export(args: &ExportArgs) -> Result<()> {
         let mut file = BufWriter::new(file);
         log.write_csv(&topic.topic, &mut file).into_diagnostic()?;
         file.flush().into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-        println!("{} ({} messages)", path.display(), topic.count);
+        unless_unread(writeln!(io::stdout(), "{} ({} messages)", path.display(), topic.count))?;
     }
     Ok(())
 }

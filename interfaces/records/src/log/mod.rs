@@ -6,11 +6,15 @@
 //! Plant, mission and launch file are attachments.
 
 mod reader;
+mod recover;
+mod scan;
 mod table;
 mod writer;
 
 pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
-pub use writer::{LogWriter, Recorded};
+pub use recover::Recovered;
+pub use scan::Damage;
+pub use writer::{LogWriter, Recorded, Storage};
 
 use std::path::PathBuf;
 

@@ -1,17 +1,16 @@
-//! Reading a log, also one that was cut off.
+//! Reading a log, also one that was cut off or damaged.
 
 use super::LogError;
+use super::scan::{self, Damage, Scan, Visitor};
 use fss_messages::{CDR_HEADER, Sample};
-use mcap::MessageStream;
-use mcap::read::Options;
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A log in memory.
+/// A log on disk. Each question walks through the file and holds one chunk of it in memory, so a log may be of any size.
 pub struct Log {
     path: PathBuf,
-    bytes: Vec<u8>,
 }
 
 /// What a log holds of one topic.
@@ -93,15 +92,17 @@ impl<T: Sample> Collect for Samples<T> {
 }
 
 impl Log {
-    /// Reads a log's bytes.
+    /// Opens a log.
     ///
     /// # Errors
     /// Where the file cannot be read or is no MCAP file.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let bytes = std::fs::read(path).map_err(|source| LogError::File { path: path.to_owned(), source })?;
-        let log = Self { path: path.to_owned(), bytes };
-        log.messages()?;
-        Ok(log)
+        let log = Self { path: path.to_owned() };
+        if scan::has_magic(path).map_err(|e| log.file_error(e))? {
+            Ok(log)
+        } else {
+            Err(LogError::Mcap { path: path.to_owned(), source: mcap::McapError::BadMagic })
+        }
     }
 
     /// The log's own path.
@@ -111,24 +112,20 @@ impl Log {
 
     /// Whether the log was ended properly; if not, its end was cut off when its recorder died.
     pub fn is_complete(&self) -> bool {
-        mcap::read::footer(&self.bytes).is_ok()
+        scan::summary(&self.path).is_ok_and(|summary| summary.is_some())
     }
 
-    fn messages(&self) -> Result<MessageStream<'_>, LogError> {
-        MessageStream::new_with_options(&self.bytes, Options::IgnoreEndMagic.into()).map_err(|e| self.error(e))
-    }
-
-    /// Every message in the order of the file, up to where the file is whole: topic, log time in ns, sample's bytes.
+    /// Every message that the file holds whole, in its order: channel, log time in ns, sample's bytes. Says what was
+    /// unreadable.
     ///
     /// # Errors
-    /// Where the file is no MCAP file.
-    pub fn for_each(&self, mut visit: impl FnMut(&Arc<mcap::Channel<'_>>, u64, &[u8])) -> Result<(), LogError> {
-        for message in self.messages()? {
-            let Ok(message) = message else { break }; // cut off here
-            let body = message.data.get(CDR_HEADER.len()..).unwrap_or_default();
-            visit(&message.channel, message.log_time, body);
-        }
-        Ok(())
+    /// Where the file cannot be read.
+    pub fn for_each(&self, visit: impl FnMut(&Arc<mcap::Channel<'static>>, u64, &[u8])) -> Result<Damage, LogError> {
+        self.walk(&mut EachMessage(visit))
+    }
+
+    pub(super) fn walk<V: Visitor>(&self, visitor: &mut V) -> Result<Damage, LogError> {
+        Scan::open(&self.path).and_then(|scan| scan.run(visitor)).map_err(|e| self.file_error(e))
     }
 
     /// All samples of a topic.
@@ -163,34 +160,50 @@ impl Log {
     /// What the log holds, topic by topic.
     ///
     /// # Errors
-    /// Where the file is no MCAP file.
+    /// Where the file cannot be read.
     pub fn topics(&self) -> Result<Vec<TopicInfo>, LogError> {
+        self.survey().map(|(topics, _)| topics)
+    }
+
+    /// What the log holds, topic by topic, and what of it cannot be read.
+    ///
+    /// # Errors
+    /// Where the file cannot be read.
+    pub fn survey(&self) -> Result<(Vec<TopicInfo>, Damage), LogError> {
         let mut topics = BTreeMap::<String, TopicInfo>::new();
-        self.for_each(|channel, log_time, _| {
-            let schema = channel.schema.as_ref().map_or(String::new(), |schema| schema.name.clone());
-            let topic = topics.entry(channel.topic.clone()).or_insert_with(|| TopicInfo {
-                topic: channel.topic.clone(),
-                schema,
-                count: 0,
-                first_ns: log_time,
-                last_ns: log_time,
-            });
+        let damage = self.for_each(|channel, log_time, _| {
+            if !topics.contains_key(&channel.topic) {
+                let schema = channel.schema.as_ref().map_or(String::new(), |schema| schema.name.clone());
+                let (topic, count) = (channel.topic.clone(), 0);
+                let new = TopicInfo { topic, schema, count, first_ns: log_time, last_ns: log_time };
+                topics.insert(channel.topic.clone(), new);
+            }
+            let Some(topic) = topics.get_mut(&channel.topic) else { return };
             topic.count += 1;
             topic.first_ns = topic.first_ns.min(log_time);
             topic.last_ns = topic.last_ns.max(log_time);
         })?;
-        Ok(topics.into_values().collect())
+        Ok((topics.into_values().collect(), damage))
     }
 
     /// The attachment of this name, as text.
     ///
     /// # Errors
-    /// Where the log is cut off or has none of this name.
+    /// Where the file cannot be read.
     pub fn attachment(&self, name: &str) -> Result<Option<String>, LogError> {
-        let Some(summary) = mcap::Summary::read(&self.bytes).map_err(|e| self.error(e))? else { return Ok(None) };
-        let Some(index) = summary.attachment_indexes.iter().find(|index| index.name == name) else { return Ok(None) };
-        let attachment = mcap::read::attachment(&self.bytes, index).map_err(|e| self.error(e))?;
-        Ok(Some(String::from_utf8_lossy(&attachment.data).into_owned()))
+        let mut wanted = Wanted { name, attachment: None, metadata: None };
+        self.walk(&mut wanted)?;
+        Ok(wanted.attachment)
+    }
+
+    /// The facts recorded under this name; the last of several.
+    ///
+    /// # Errors
+    /// Where the file cannot be read.
+    pub fn metadata(&self, name: &str) -> Result<Option<BTreeMap<String, String>>, LogError> {
+        let mut wanted = Wanted { name, attachment: None, metadata: None };
+        self.walk(&mut wanted)?;
+        Ok(wanted.metadata)
     }
 
     /// Gaps in the sequence of a topic that has one publisher.
@@ -207,7 +220,38 @@ impl Log {
             .collect())
     }
 
-    fn error(&self, source: mcap::McapError) -> LogError {
-        LogError::Mcap { path: self.path.clone(), source }
+    fn file_error(&self, source: std::io::Error) -> LogError {
+        LogError::File { path: self.path.clone(), source }
+    }
+}
+
+struct EachMessage<F>(F);
+
+impl<F: FnMut(&Arc<mcap::Channel<'static>>, u64, &[u8])> Visitor for EachMessage<F> {
+    fn message(&mut self, channel: &Arc<mcap::Channel<'static>>, header: &MessageHeader, data: &[u8]) {
+        (self.0)(channel, header.log_time, data.get(CDR_HEADER.len()..).unwrap_or_default());
+    }
+}
+
+/// Looks for what stands outside the chunks.
+struct Wanted<'a> {
+    name: &'a str,
+    attachment: Option<String>,
+    metadata: Option<BTreeMap<String, String>>,
+}
+
+impl Visitor for Wanted<'_> {
+    const MESSAGES: bool = false;
+
+    fn attachment(&mut self, header: &AttachmentHeader, data: &[u8]) {
+        if header.name == self.name {
+            self.attachment = Some(String::from_utf8_lossy(data).into_owned());
+        }
+    }
+
+    fn metadata(&mut self, metadata: &Metadata) {
+        if metadata.name == self.name {
+            self.metadata = Some(metadata.metadata.clone());
+        }
     }
 }

@@ -1,0 +1,59 @@
+//! Logs in a user's hands: looked at, cut off, made whole.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Output, Stdio};
+
+fn fss(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap()
+}
+
+fn info(log: &str) -> serde_json::Value {
+    let output = fss(&["log", "info", "--json", log]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_log_that_was_cut_off_is_made_whole_and_never_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    assert!(fss(&["run", "reach", "--fast", "--quiet", "--out", out]).status.success());
+    let (cut, whole) = (folder.path().join("cut.mcap"), folder.path().join("cut.recovered.mcap"));
+    let bytes = std::fs::read(folder.path().join("run.mcap")).unwrap();
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let (cut, whole) = (cut.to_str().unwrap(), whole.to_str().unwrap());
+    assert_eq!(info(cut)["complete"], false);
+    assert!(fss(&["log", "recover", cut]).status.success());
+    let recovered = info(whole);
+    assert_eq!(recovered["complete"], true);
+    assert_eq!(recovered["topics"], info(cut)["topics"]);
+    let again = fss(&["log", "recover", cut]);
+    assert!(!again.status.success() && String::from_utf8_lossy(&again.stderr).contains("exists"));
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    assert!(fss(&["run", "reach", "--fast", "--quiet", "--out", out]).status.success());
+    let log = folder.path().join("run.mcap");
+    for json in [&[][..], &["--json"]] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_fss"))
+            .args(["log", "info", log.to_str().unwrap()])
+            .args(json)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The reader goes before the first line was written, or at the latest after it.
+        let mut reader = BufReader::new(child.stdout.take().unwrap());
+        if json.is_empty() {
+            reader.read_line(&mut String::new()).unwrap();
+        }
+        drop(reader);
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && !said.contains("panicked"), "{said}");
+    }
+}
