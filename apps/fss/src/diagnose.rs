@@ -1,5 +1,6 @@
 //! `fss diagnose`: where the simulation is wrong.
 
+mod log;
 mod page;
 mod runs;
 
@@ -20,7 +21,7 @@ const MISFIT_RATIO: f64 = 1.3;
 /// Show where the simulation of a plant differs from measured runs, as ratios to the noise.
 #[derive(Args)]
 pub struct DiagnoseArgs {
-    /// Measured runs: folders in the format fss-experiment/1.
+    /// Measured runs: folders in the format fss-experiment/1, or logs of `fss run`.
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// Runs kept for measuring the gain only.

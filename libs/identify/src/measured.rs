@@ -60,7 +60,8 @@ pub struct Many {
     pub values: Vec<Vec<f64>>,
 }
 
-/// Telemetry of the joints: one series a joint, as many joints as a quantity was measured of.
+/// Telemetry of the joints: one series a joint, as many joints as a quantity was measured of. What a joint did not measure
+/// at one of the times is not a number (NaN).
 #[derive(Clone, Debug, Default)]
 pub struct Joints {
     /// Times, s, increasing.

@@ -112,10 +112,10 @@ fn filter(measurements: &[Measurement], noise: Noise, jerk: f64, grid_s: &[f64])
             all.push(now);
         }
         now = predict(&now, m.t_s, jerk);
-        if let Some(angle) = m.angle {
+        if let Some(angle) = m.angle.filter(|v| v.is_finite()) {
             likelihood += update(&mut now, RowVector3::new(1.0, 0.0, 0.0), angle, noise.angle);
         }
-        if let Some(rate) = m.rate {
+        if let Some(rate) = m.rate.filter(|v| v.is_finite()) {
             likelihood += update(&mut now, RowVector3::new(0.0, 1.0, 0.0), rate, noise.rate);
         }
         all.push(now);

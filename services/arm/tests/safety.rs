@@ -1,5 +1,5 @@
 //! What the arm does where it cannot go on: limits, singularities, stale inputs, restarts.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::large_types_passed_by_value)]
 
 mod support;
 

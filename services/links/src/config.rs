@@ -5,6 +5,8 @@ use fss_plant::Plant;
 
 /// Full scale of a link's torque sensor where the plant file gives none, N m (the paper's load cell).
 const TORQUE_RANGE_N_M: f64 = 2.1;
+/// What the laboratory's Wi-Fi takes at least, ns.
+const SHORTEST_TRANSIT_NS: u64 = 2_000_000;
 
 /// What a joint must never be told to exceed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +63,7 @@ impl LinksConfig {
             max_command_age_ns: 300_000_000,
             max_telemetry_age_ns: 1_000_000_000,
             stamp_latency_ns: (plant.sensors.link_latency_s * 1e9) as u64,
-            min_transit_ns: 0,
+            min_transit_ns: SHORTEST_TRANSIT_NS,
         }
     }
 }

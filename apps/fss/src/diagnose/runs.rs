@@ -1,20 +1,24 @@
 //! From files to the series that the identification works on.
 
+use super::log;
 use fss_identify::measured::{Drive, Joints, Many, Poses, Run, Series};
 use fss_plant::Plant;
 use fss_records::experiment::{Experiment, JointMode, Table};
 use miette::{IntoDiagnostic, Result, miette};
 use std::path::PathBuf;
 
-/// Reads the runs' folders.
+/// Reads the runs: folders of CSV, or logs of ours.
 pub fn read(folders: &[PathBuf], plant: &Plant) -> Result<Vec<Run>> {
     folders
         .iter()
         .map(|folder| {
+            if let Some(log) = log::log_of(folder) {
+                return log::read(&log, plant);
+            }
             if !folder.is_dir() {
                 return Err(miette!(
-                    help = "a run is a folder with run.toml and CSV files (fss-experiment/1)",
-                    "{} is no folder",
+                    help = "a run is a folder with run.toml and CSV files (fss-experiment/1), or a log of `fss run` or its folder",
+                    "{} is neither a folder nor a log",
                     folder.display()
                 ));
             }

@@ -1,5 +1,5 @@
 //! An ideal vehicle: joints do exactly what they are told, the base answers as momentum commands, all is seen without error.
-#![allow(dead_code, unreachable_pub)] // not every test file needs all of it
+#![allow(dead_code, unreachable_pub, clippy::large_types_passed_by_value)] // not every test file needs all of it
 
 use fss_arm::{ArmConfig, ArmService};
 use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, Runner, Time};
