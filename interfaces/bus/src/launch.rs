@@ -15,6 +15,9 @@ pub struct Launch {
     pub vehicle: String,
     /// Where the devices are.
     pub devices: Devices,
+    /// How long a log may get.
+    #[serde(default)]
+    pub recording: Recording,
     /// The services in the order of their start; they stop in the opposite order.
     #[serde(rename = "service")]
     pub services: Vec<Schedule>,
@@ -39,6 +42,18 @@ pub struct Devices {
     /// File with the key that authenticates commands to the links; without it a key is made for the run.
     #[serde(default)]
     pub link_key: Option<PathBuf>,
+}
+
+/// Where a log ends and another begins.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recording {
+    /// After this much of samples, before compression, a new log is begun, MB; one log a run where absent.
+    #[serde(default)]
+    pub rotate_mb: Option<u64>,
+    /// Room that recording leaves on the disk, MB: with less it pauses.
+    #[serde(default)]
+    pub keep_free_mb: u64,
 }
 
 /// When and how one service runs.

@@ -1,111 +1,39 @@
 //! Records every topic to MCAP.
 //!
-//! The recorder takes what its deep buffers hold since its last step and writes it down. A sample that it lost (its
-//! buffer overflowed because the disk or the host stalled) shows as a gap in the publisher's sequence; it counts them
-//! per topic and says so in `/events`.
+//! The recorder takes what its deep buffers hold since its last step and hands it, in blocks, to the tape, which writes
+//! on a thread of its own. Nothing that the disk does reaches a control loop, nor the recorder's own loop:
+//!
+//! - a disk that stalls fills the blocks; when none is left, samples are lost and counted;
+//! - a disk that is full, or that refuses, ends the log; another is begun when there is room again;
+//! - a sample that never came (the recorder's buffer overflowed because the host stalled) shows as a gap in its
+//!   publisher's sequence.
+//!
+//! What is lost is counted by topic, said in `/events`, and written into the log's metadata (`fss-recorder`).
 
-use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Output, Service, Time, outputs};
-use fss_messages::topic::{self, Topic, TopicVisitor};
-use fss_messages::{Event, Sample, text};
-use fss_records::log::{LogError, LogWriter, Recorded};
+mod block;
+mod inputs;
+mod tape;
+mod thread;
 
-/// All topics, as they are recorded.
-pub struct AllTopics {
-    topics: Vec<Box<dyn TopicInput>>,
-}
+pub use inputs::AllTopics;
+pub use tape::{Limits, Opener};
 
-/// One topic whatever its sample.
-trait TopicInput {
-    fn refresh(&mut self);
-    fn age_ns(&self, now: Time) -> u64;
-    fn add_to(&self, log: &mut LogWriter) -> Result<Recorded, LogError>;
-    fn write_to(&self, log: &mut LogWriter, topic: Recorded) -> Result<(), LogError>;
-    /// The name, and by how many samples the batch's sequences jump.
-    fn count_gaps(&self, last: &mut u64) -> (&'static str, u64);
-    /// Whether several services publish on it, so that sequences interleave.
-    fn is_shared(&self) -> bool;
-}
+use block::Block;
+use crossbeam::queue::ArrayQueue;
+use fss_bus::{Bus, Output, Queue, Service, Time, outputs};
+use fss_messages::{Event, topic};
+use fss_records::log::LogError;
+use inputs::Publishers;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tape::{Lost, Tape};
+use thread::TapeThread;
 
-struct Input<T: Sample> {
-    topic: Topic<T>,
-    vehicle_topic: String,
-    batch: Batch<T>,
-}
-
-impl<T: Sample> TopicInput for Input<T> {
-    fn refresh(&mut self) {
-        self.batch.refresh();
-    }
-
-    fn age_ns(&self, now: Time) -> u64 {
-        self.batch.age_ns(now)
-    }
-
-    fn add_to(&self, log: &mut LogWriter) -> Result<Recorded, LogError> {
-        log.add_topic::<T>(&self.vehicle_topic)
-    }
-
-    fn write_to(&self, log: &mut LogWriter, topic: Recorded) -> Result<(), LogError> {
-        self.batch.samples().iter().try_for_each(|sample| log.write(topic, sample))
-    }
-
-    fn count_gaps(&self, last: &mut u64) -> (&'static str, u64) {
-        let mut lost = 0;
-        for sample in self.batch.samples() {
-            let sequence = sample.header().sequence;
-            // A smaller sequence is a restarted publisher, not a loss.
-            if *last != 0 && sequence > *last {
-                lost += sequence - *last - 1;
-            }
-            *last = sequence;
-        }
-        (self.topic.name, lost)
-    }
-
-    fn is_shared(&self) -> bool {
-        self.topic.name == topic::EVENTS.name || self.topic.name == topic::HEALTH.name
-    }
-}
-
-struct Opener<'a> {
-    bus: &'a Bus,
-    opened: Result<Vec<Box<dyn TopicInput>>, BusError>,
-}
-
-impl TopicVisitor for Opener<'_> {
-    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
-        let Ok(inputs) = &mut self.opened else { return };
-        match Batch::open(self.bus, topic) {
-            Ok(batch) => {
-                let vehicle_topic = self.bus.full_name(topic.name);
-                inputs.push(Box::new(Input { topic, vehicle_topic, batch }));
-            }
-            Err(e) => self.opened = Err(e),
-        }
-    }
-}
-
-impl InputPorts for AllTopics {
-    const NAMES: &'static [&'static str] = topic::NAMES;
-
-    fn open(bus: &Bus) -> Result<Self, BusError> {
-        let mut opener = Opener { bus, opened: Ok(Vec::new()) };
-        topic::visit(&mut opener);
-        Ok(Self { topics: opener.opened? })
-    }
-
-    fn refresh(&mut self) {
-        for topic in &mut self.topics {
-            topic.refresh();
-        }
-    }
-
-    fn ages_ns(&self, now: Time, ages: &mut [u64]) {
-        for (slot, topic) in ages.iter_mut().zip(&self.topics) {
-            *slot = topic.age_ns(now);
-        }
-    }
-}
+const NAME: &str = "recorder";
+/// How long samples wait in a block that is not full, ns.
+const BLOCK_TIME_NS: u64 = 100_000_000;
+/// Losses of a topic are told at most this often, ns.
+const TELL_PERIOD_NS: u64 = 1_000_000_000;
 
 outputs! {
     /// What the recorder says.
@@ -115,84 +43,148 @@ outputs! {
     }
 }
 
-/// What the recorder has written of one topic.
-#[derive(Clone, Copy, Default)]
-struct Written {
-    channel: Option<Recorded>,
-    last_sequence: u64,
-    lost: u64,
+enum Sink {
+    /// Written at once: on a virtual clock nothing may be lost, and the same seed gives the same bytes.
+    Inline(Box<Tape>, Block),
+    Thread(TapeThread, Option<Block>),
 }
 
 /// The recorder.
 pub struct Recorder {
-    log: Option<LogWriter>,
-    written: Vec<Written>,
-    failure: Option<LogError>,
+    sink: Sink,
+    handed_over_ns: u64,
+    publishers: Vec<Publishers>,
+    lost: Lost,
+    told: Vec<u64>,
+    told_ns: u64,
+    words: Queue<Event>,
 }
 
 impl Recorder {
-    /// Records into `log`.
-    pub fn new(log: LogWriter) -> Self {
-        Self { log: Some(log), written: vec![Written::default(); topic::NAMES.len()], failure: None }
+    /// Writes in its step, and waits for the disk.
+    ///
+    /// # Errors
+    /// Where the first log cannot be begun.
+    pub fn waiting(bus: &Bus, open: Opener) -> Result<Self, LogError> {
+        Self::new(bus, open, Limits::default(), |tape| Sink::Inline(Box::new(tape), Block::new()))
+    }
+
+    /// Writes on a thread of its own, and waits for nothing.
+    ///
+    /// # Errors
+    /// Where the first log cannot be begun.
+    pub fn threaded(bus: &Bus, open: Opener, limits: Limits) -> Result<Self, LogError> {
+        Self::new(bus, open, limits, |tape| Sink::Thread(TapeThread::start(tape), None))
+    }
+
+    fn new(bus: &Bus, open: Opener, limits: Limits, sink: impl FnOnce(Tape) -> Sink) -> Result<Self, LogError> {
+        let definitions = inputs::definitions(bus);
+        let count = definitions.len();
+        let lost: Lost = Arc::new((0..count).map(|_| AtomicU64::new(0)).collect());
+        let words = Arc::new(ArrayQueue::new(16));
+        let tape = Tape::begin(open, definitions, limits, lost.clone(), words.clone())?;
+        let publishers = vec![Publishers::default(); count];
+        Ok(Self { sink: sink(tape), handed_over_ns: 0, publishers, lost, told: vec![0; count], told_ns: 0, words })
     }
 
     /// Samples lost since the start, all topics together.
     pub fn lost(&self) -> u64 {
-        self.written.iter().map(|w| w.lost).sum()
+        self.lost.iter().map(|lost| lost.load(Ordering::Relaxed)).sum()
     }
 
-    /// Ends the log.
+    /// Ends the log when all that was taken is written.
     ///
     /// # Errors
-    /// The first failure to write, or a failure to end the file.
-    pub fn finish(mut self) -> Result<(), LogError> {
-        match (self.failure.take(), self.log.take()) {
-            (Some(failure), _) => Err(failure),
-            (None, Some(log)) => log.finish(),
-            (None, None) => Ok(()),
+    /// Where the log cannot be ended.
+    pub fn finish(self) -> Result<(), LogError> {
+        match self.sink {
+            Sink::Inline(mut tape, block) => {
+                tape.write(&block);
+                tape.finish()
+            }
+            Sink::Thread(thread, block) => {
+                if let Some(block) = block {
+                    thread.give(block);
+                }
+                thread.finish()
+            }
         }
     }
 
-    fn record(&mut self, inputs: &AllTopics, log: &mut LogWriter) -> Result<u64, LogError> {
-        let mut lost_now = 0;
-        for (input, written) in inputs.topics.iter().zip(&mut self.written) {
-            let channel = match written.channel {
-                Some(channel) => channel,
-                None => *written.channel.insert(input.add_to(log)?),
-            };
-            input.write_to(log, channel)?;
-            if !input.is_shared() {
-                let (_, lost) = input.count_gaps(&mut written.last_sequence);
-                written.lost += lost;
-                lost_now += lost;
+    fn tell_losses(&mut self, now: Time, events: &mut Output<Event>) {
+        while let Some(event) = self.words.pop() {
+            events.publish(event);
+        }
+        if now.ns() < self.told_ns + TELL_PERIOD_NS {
+            return;
+        }
+        for ((name, lost), told) in topic::NAMES.iter().zip(self.lost.iter()).zip(&mut self.told) {
+            let lost = lost.load(Ordering::Relaxed);
+            // To tell of a lost event would lose the next.
+            if lost > *told && *name != topic::EVENTS.name {
+                let new = lost - *told;
+                let words = format_args!("{name}: {new} samples lost ({lost} since the start)");
+                events.publish(Event::new(now.ns(), NAME, Event::WARNING, words));
+                (*told, self.told_ns) = (lost, now.ns());
             }
         }
-        Ok(lost_now)
+    }
+}
+
+impl Sink {
+    /// Puts a topic's samples into blocks; returns how many found no room.
+    fn put(&mut self, topic: usize, input: &dyn inputs::TopicInput) -> u64 {
+        let (count, mut done) = (input.len(), 0);
+        while done < count {
+            let room = match self {
+                Self::Inline(_, block) => Some(block),
+                Self::Thread(thread, block) => {
+                    if block.is_none() {
+                        *block = thread.take();
+                    }
+                    block.as_mut()
+                }
+            };
+            let Some(block) = room else { break };
+            done = input.write_to(block, topic, done);
+            if done < count {
+                self.hand_over();
+            }
+        }
+        (count - done) as u64
+    }
+
+    fn hand_over(&mut self) {
+        match self {
+            Self::Inline(tape, block) => {
+                tape.write(block);
+                block.clear();
+            }
+            Self::Thread(thread, block) => {
+                if let Some(block) = block.take_if(|block| !block.is_empty()) {
+                    thread.give(block);
+                }
+            }
+        }
     }
 }
 
 impl Service for Recorder {
     type Inputs = AllTopics;
     type Outputs = Outputs;
-    const NAME: &'static str = "recorder";
+    const NAME: &'static str = NAME;
 
     fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
-        let Some(mut log) = self.log.take() else { return };
-        let mut say = |severity: u8, message: &str| {
-            let (service, text) = (text(Self::NAME), text(message));
-            outputs.events.publish(Event { stamp_ns: now.ns(), severity, service, text, ..Event::default() });
-        };
-        match self.record(inputs, &mut log) {
-            Ok(lost) => {
-                if lost > 0 {
-                    say(Event::WARNING, &format!("{lost} samples lost ({} since the start)", self.lost()));
-                }
-                self.log = Some(log);
-            }
-            Err(failure) => {
-                say(Event::ERROR, &format!("recording ends: {failure}"));
-                self.failure = Some(failure);
+        for (i, input) in inputs.iter().enumerate() {
+            let missing = input.count_gaps(&mut self.publishers[i]) + self.sink.put(i, input);
+            if missing > 0 {
+                self.lost[i].fetch_add(missing, Ordering::Relaxed);
             }
         }
+        if now.ns() >= self.handed_over_ns + BLOCK_TIME_NS {
+            self.sink.hand_over();
+            self.handed_over_ns = now.ns();
+        }
+        self.tell_losses(now, &mut outputs.events);
     }
 }

@@ -1,6 +1,6 @@
 //! A whole run in one process on a virtual clock: the same cores, the same device bytes, as fast as the machine allows.
 
-use super::processes::{describe, start_of};
+use super::processes::{Description, start_of};
 use super::stack::Stack;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
@@ -36,9 +36,14 @@ const PATIENCE_S: f64 = 60.0;
 /// Where the log cannot be written or the mission does not end.
 pub fn fly(stack: &Stack, log_path: &Path, seed: u64, mut progress: impl FnMut(&MissionState)) -> Result<()> {
     let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
-    let mut log = LogWriter::create(log_path).into_diagnostic()?;
-    describe(&mut log, stack, "virtual")?;
-    let recorder = Rc::new(RefCell::new(Runner::new(Recorder::new(log), &bus).into_diagnostic()?));
+    let (description, path) = (Description::new(stack, "virtual")?, log_path.to_owned());
+    let open = move |_| {
+        let mut log = LogWriter::create(&path)?;
+        description.write_to(&mut log)?;
+        Ok(log)
+    };
+    let recorder = Recorder::waiting(&bus, Box::new(open)).into_diagnostic()?;
+    let recorder = Rc::new(RefCell::new(Runner::new(recorder, &bus).into_diagnostic()?));
     let mut mission = Latest::open(&bus, topic::MISSION_STATE).into_diagnostic()?;
 
     let mut clock = virtual_time::Stack::new();
@@ -68,7 +73,11 @@ pub fn fly(stack: &Stack, log_path: &Path, seed: u64, mut progress: impl FnMut(&
     if let Ok(now) = &outcome {
         recorder.step(*now); // the last samples
     }
+    let lost = recorder.service.lost();
     recorder.service.finish().into_diagnostic()?;
+    if lost > 0 {
+        return Err(miette!("{} could not be written: {lost} samples are missing", log_path.display()));
+    }
     outcome.map(|_| ())
 }
 

@@ -15,8 +15,8 @@ use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
 use fss_messages::{MAX_LINKS, topic};
 use fss_mission::{Mission, MissionConfig, MissionService};
 use fss_plant::Physics;
-use fss_recorder::Recorder;
-use fss_records::log::LogWriter;
+use fss_recorder::{Limits, Recorder};
+use fss_records::log::{LogError, LogWriter};
 use fss_thrusters::Thrusters;
 use fss_thrusters::device::{Driver, LaboratoryLine, Valves};
 use fss_wire::link::{Key, first_sequence};
@@ -102,35 +102,75 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
 }
 
 fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
-    // A recorder that was restarted begins a log of its own; the first one's is readable to its last chunk.
-    let name = if args.starts > 1 { format!("run-{}.mcap", args.starts) } else { LOG_FILE.to_owned() };
-    let mut log = LogWriter::create(&args.run.join(name)).into_diagnostic()?;
-    describe(&mut log, &site.stack, "real time")?;
-    let recorder = site.fly(Recorder::new(log), || ())?;
-    recorder.finish().into_diagnostic()
+    let description = Description::new(&site.stack, "real time")?;
+    let (folder, starts) = (args.run.clone(), args.starts);
+    let open = move |part| {
+        let mut log = LogWriter::create(&folder.join(log_name(starts, part)))?;
+        description.write_to(&mut log)?;
+        Ok(log)
+    };
+    let megabytes = 1_000_000;
+    let limits = Limits {
+        rotate_bytes: site.launch.recording.rotate_mb.map(|mb| mb * megabytes),
+        keep_free_bytes: site.launch.recording.keep_free_mb * megabytes,
+    };
+    let recorder = Recorder::threaded(&site.bus, Box::new(open), limits).into_diagnostic()?;
+    site.fly(recorder, || ())?.finish().into_diagnostic()
 }
 
-/// Puts the stack's files and the facts of the build and the host into a log.
-pub fn describe(log: &mut LogWriter, stack: &Stack, clock: &str) -> Result<()> {
-    for (name, text) in
-        [("plant.toml", &stack.plant_text), ("launch.toml", &stack.launch_text), ("mission.toml", &stack.mission_text)]
-    {
-        log.attach(name, "application/toml", text).into_diagnostic()?;
+/// A recorder that was restarted begins a log of its own; the first one's is readable to its last chunk.
+fn log_name(starts: u32, part: u32) -> String {
+    match (starts, part) {
+        (1, 1) => LOG_FILE.to_owned(),
+        (_, 1) => format!("run-{starts}.mcap"),
+        (1, _) => format!("run.part{part}.mcap"),
+        _ => format!("run-{starts}.part{part}.mcap"),
     }
-    let mut facts = BTreeMap::from([
-        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-        ("clock".to_owned(), clock.to_owned()),
-    ]);
-    if clock == "real time" {
-        let unix_ns = unix_time_ns()?;
-        let monotonic_ns = realtime::now().into_diagnostic()?.ns();
-        facts.insert("unix_minus_monotonic_ns".to_owned(), unix_ns.saturating_sub(monotonic_ns).to_string());
-        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-        facts.insert("host".to_owned(), host.trim().to_owned());
-        let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-        facts.insert("kernel".to_owned(), kernel.trim().to_owned());
+}
+
+/// What each log of a run says about it: the stack's files and the facts of the build and the host.
+pub struct Description {
+    files: [(&'static str, String); 3],
+    facts: BTreeMap<String, String>,
+}
+
+impl Description {
+    /// Of a stack on a clock, `real time` or `virtual`.
+    ///
+    /// # Errors
+    /// Where the computer's clocks cannot be read.
+    pub fn new(stack: &Stack, clock: &str) -> Result<Self> {
+        let mut facts = BTreeMap::from([
+            ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("clock".to_owned(), clock.to_owned()),
+        ]);
+        if clock == "real time" {
+            let unix_ns = unix_time_ns()?;
+            let monotonic_ns = realtime::now().into_diagnostic()?.ns();
+            facts.insert("unix_minus_monotonic_ns".to_owned(), unix_ns.saturating_sub(monotonic_ns).to_string());
+            let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+            facts.insert("host".to_owned(), host.trim().to_owned());
+            let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+            facts.insert("kernel".to_owned(), kernel.trim().to_owned());
+        }
+        let files = [
+            ("plant.toml", stack.plant_text.clone()),
+            ("launch.toml", stack.launch_text.clone()),
+            ("mission.toml", stack.mission_text.clone()),
+        ];
+        Ok(Self { files, facts })
     }
-    log.metadata("fss", facts).into_diagnostic()
+
+    /// Puts it into a log.
+    ///
+    /// # Errors
+    /// Where the log refuses.
+    pub fn write_to(&self, log: &mut LogWriter) -> Result<(), LogError> {
+        for (name, text) in &self.files {
+            log.attach(name, "application/toml", text)?;
+        }
+        log.metadata("fss", self.facts.clone())
+    }
 }
 
 fn fusion(site: &Site) -> Result<()> {

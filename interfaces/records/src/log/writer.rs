@@ -136,6 +136,11 @@ impl LogWriter {
         &self.path
     }
 
+    /// Whether all that was written has been handed to the operating system.
+    pub fn is_flushed(&self) -> bool {
+        self.chunk_start_ns.is_none()
+    }
+
     /// Closes the chunk and hands everything to the operating system.
     ///
     /// # Errors

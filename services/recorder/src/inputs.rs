@@ -1,0 +1,154 @@
+//! Every topic as an input.
+
+use crate::block::Block;
+use crate::tape::Definition;
+use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Time};
+use fss_messages::Sample;
+use fss_messages::topic::{self, Topic, TopicVisitor};
+use fss_records::log::LogWriter;
+
+/// Length of a service's name in samples that several services publish.
+const SERVICE_LEN: usize = 16;
+
+/// All topics, as they are recorded.
+pub struct AllTopics {
+    topics: Vec<Box<dyn TopicInput>>,
+}
+
+impl AllTopics {
+    /// The topics, in the order of [`topic::NAMES`].
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &dyn TopicInput> {
+        self.topics.iter().map(AsRef::as_ref)
+    }
+}
+
+/// One topic whatever its sample.
+pub(crate) trait TopicInput {
+    fn refresh(&mut self);
+    fn age_ns(&self, now: Time) -> u64;
+    /// Puts the batch's samples from the `from`-th on into the block; returns the number of the first that did not fit.
+    fn write_to(&self, block: &mut Block, topic: usize, from: usize) -> usize;
+    /// How many samples the batch has.
+    fn len(&self) -> usize;
+    /// How many samples are missing between those that came, by their publishers' sequences.
+    fn count_gaps(&self, publishers: &mut Publishers) -> u64;
+}
+
+/// The last sequence of each publisher of a topic.
+#[derive(Clone, Debug)]
+pub(crate) struct Publishers(Vec<([u8; SERVICE_LEN], u64)>);
+
+impl Default for Publishers {
+    fn default() -> Self {
+        Self(Vec::with_capacity(32))
+    }
+}
+
+impl Publishers {
+    /// Takes the next sequence of a publisher; returns how many are missing before it.
+    fn follow(&mut self, publisher: [u8; SERVICE_LEN], sequence: u64) -> u64 {
+        let Some((_, last)) = self.0.iter_mut().find(|(name, _)| *name == publisher) else {
+            self.0.push((publisher, sequence));
+            return 0;
+        };
+        // A smaller sequence is a restarted publisher, not a loss.
+        let missing = sequence.saturating_sub(*last).saturating_sub(1);
+        *last = sequence;
+        missing
+    }
+}
+
+struct Input<T: Sample> {
+    batch: Batch<T>,
+    /// Where the sample names its publisher, if several services publish on the topic.
+    service_offset: Option<usize>,
+}
+
+impl<T: Sample> TopicInput for Input<T> {
+    fn refresh(&mut self) {
+        self.batch.refresh();
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        self.batch.age_ns(now)
+    }
+
+    fn write_to(&self, block: &mut Block, topic: usize, from: usize) -> usize {
+        let samples = self.batch.samples();
+        let fitting = samples.iter().skip(from).take_while(|sample| block.push(topic, sample.as_bytes())).count();
+        from + fitting
+    }
+
+    fn len(&self) -> usize {
+        self.batch.samples().len()
+    }
+
+    fn count_gaps(&self, publishers: &mut Publishers) -> u64 {
+        let missing = |sample: &T| {
+            let mut name = [0; SERVICE_LEN];
+            if let Some(field) = self.service_offset.and_then(|at| sample.as_bytes().get(at..at + SERVICE_LEN)) {
+                name.copy_from_slice(field);
+            }
+            publishers.follow(name, sample.header().sequence)
+        };
+        self.batch.samples().iter().map(missing).sum()
+    }
+}
+
+struct Opener<'a> {
+    bus: &'a Bus,
+    opened: Result<Vec<Box<dyn TopicInput>>, BusError>,
+}
+
+impl TopicVisitor for Opener<'_> {
+    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
+        let Ok(inputs) = &mut self.opened else { return };
+        match Batch::open(self.bus, topic) {
+            Ok(batch) => {
+                let service_offset = T::FIELDS.iter().find(|field| field.name == "service").map(|field| field.offset);
+                inputs.push(Box::new(Input::<T> { batch, service_offset }));
+            }
+            Err(e) => self.opened = Err(e),
+        }
+    }
+}
+
+impl InputPorts for AllTopics {
+    const NAMES: &'static [&'static str] = topic::NAMES;
+
+    fn open(bus: &Bus) -> Result<Self, BusError> {
+        let mut opener = Opener { bus, opened: Ok(Vec::new()) };
+        topic::visit(&mut opener);
+        Ok(Self { topics: opener.opened? })
+    }
+
+    fn refresh(&mut self) {
+        for topic in &mut self.topics {
+            topic.refresh();
+        }
+    }
+
+    fn ages_ns(&self, now: Time, ages: &mut [u64]) {
+        for (slot, topic) in ages.iter_mut().zip(&self.topics) {
+            *slot = topic.age_ns(now);
+        }
+    }
+}
+
+struct Definitions<'a> {
+    bus: &'a Bus,
+    definitions: Vec<Definition>,
+}
+
+impl TopicVisitor for Definitions<'_> {
+    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
+        self.definitions.push(Definition { topic: self.bus.full_name(topic.name), add: LogWriter::add_topic::<T> });
+    }
+}
+
+/// How each topic is entered in a log, in the order of [`topic::NAMES`].
+pub(crate) fn definitions(bus: &Bus) -> Vec<Definition> {
+    let mut definitions = Definitions { bus, definitions: Vec::new() };
+    topic::visit(&mut definitions);
+    definitions.definitions
+}
