@@ -1,6 +1,7 @@
 //! `fss diagnose`: where the simulation is wrong.
 
-mod log;
+pub mod commands;
+pub mod log;
 mod page;
 mod runs;
 

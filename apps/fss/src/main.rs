@@ -2,6 +2,7 @@
 #![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
 
 mod bench;
+mod challenge;
 mod diagnose;
 mod files;
 mod log;
@@ -27,6 +28,8 @@ enum Command {
     Lab(run::LabArgs),
     /// Show where the simulation of a plant differs from measured runs.
     Diagnose(diagnose::DiagnoseArgs),
+    /// Hide an effect, fly experiments against it, diagnose their logs, and score the answer.
+    Challenge(challenge::ChallengeArgs),
     /// Measure how fast this build is on this machine.
     #[command(subcommand)]
     Bench(bench::BenchCommand),
@@ -45,6 +48,7 @@ fn main() -> miette::Result<()> {
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
         Command::Diagnose(args) => diagnose::run(&args),
+        Command::Challenge(args) => challenge::run(&args),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
     }

@@ -7,9 +7,10 @@
 //! handed on as the joints' command is the motion that the plant's own drivers would make of it: the smooth part of what
 //! telemetry, as slow as the commands, cannot show.
 
-use fss_identify::measured::{Drive, Joints, Many, Poses, Run, Series};
+use super::commands::Commands;
+use fss_identify::measured::{Drive, Joints, Poses, Run, Series};
 use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Sample, ThrustersState, topic};
-use fss_plant::{JointCommand, Plant, Simulation};
+use fss_plant::{JointCommand, Plant};
 use fss_records::log::{Log, Samples};
 use miette::{IntoDiagnostic, Result, miette};
 use std::f64::consts::{PI, TAU};
@@ -21,10 +22,6 @@ const LOG_FILE: &str = "run.mcap";
 const ROW_NS: u64 = 1_000_000;
 /// What a command takes over the radio to its link, s.
 const COMMAND_TRANSIT_S: f64 = 0.005;
-/// A link goes on at a command's rate for this long, s.
-const MOVE_ON_S: f64 = 0.4;
-/// Between the rows of the joints' command, s.
-const COMMAND_STEP_S: f64 = 0.01;
 
 /// The log that `path` is or, as a run's folder, holds; `None` where it is something else.
 pub fn log_of(path: &Path) -> Option<PathBuf> {
@@ -40,27 +37,17 @@ pub fn log_of(path: &Path) -> Option<PathBuf> {
 /// # Errors
 /// Names the file and what is wrong with it or missing.
 pub fn read(path: &Path, plant: &Plant) -> Result<Run> {
-    let log = Log::open(path).into_diagnostic()?;
-    let names: Vec<String> = log.topics().into_diagnostic()?.into_iter().map(|t| t.topic).collect();
-    let vehicle = vehicle(path, &names)?;
-    let mut base = Samples::<MocapPose>::of(&format!("{vehicle}{}", topic::MOCAP_BASE.name));
-    let mut ee = Samples::<MocapPose>::of(&format!("{vehicle}{}", topic::MOCAP_END_EFFECTOR.name));
-    let mut gyro = Samples::<GyroRate>::of(&format!("{vehicle}{}", topic::GYRO.name));
-    let mut links = Samples::<LinksState>::of(&format!("{vehicle}{}", topic::LINKS_STATE.name));
-    let mut arm = Samples::<ArmCommand>::of(&format!("{vehicle}{}", topic::ARM_COMMAND.name));
-    let mut valves = Samples::<ThrustersState>::of(&format!("{vehicle}{}", topic::THRUSTERS_STATE.name));
-    log.collect(&mut [&mut base, &mut ee, &mut gyro, &mut links, &mut arm, &mut valves]).into_diagnostic()?;
-    let record = Record {
-        start_ns: [first(&base.samples), first(&ee.samples), first(&gyro.samples)].into_iter().min().unwrap_or(0),
-        base: base.samples,
-        ee: ee.samples,
-        gyro: gyro.samples,
-        links: links.samples,
-        arm: arm.samples,
-        valves: valves.samples,
-    };
-    record.check(path, plant)?;
-    record.run(path, plant)
+    Record::read(path, plant)?.run(path, plant)
+}
+
+/// What was commanded in a log.
+///
+/// # Errors
+/// Names the file and what is wrong with it or missing.
+pub fn commands(path: &Path, plant: &Plant) -> Result<Commands> {
+    let record = Record::read(path, plant)?;
+    let joints = record.joints().unwrap_or_default();
+    Ok(record.commands(&joints))
 }
 
 fn first<T: Sample>(samples: &[T]) -> u64 {
@@ -95,6 +82,30 @@ struct Record {
 }
 
 impl Record {
+    fn read(path: &Path, plant: &Plant) -> Result<Self> {
+        let log = Log::open(path).into_diagnostic()?;
+        let names: Vec<String> = log.topics().into_diagnostic()?.into_iter().map(|t| t.topic).collect();
+        let vehicle = vehicle(path, &names)?;
+        let mut base = Samples::<MocapPose>::of(&format!("{vehicle}{}", topic::MOCAP_BASE.name));
+        let mut ee = Samples::<MocapPose>::of(&format!("{vehicle}{}", topic::MOCAP_END_EFFECTOR.name));
+        let mut gyro = Samples::<GyroRate>::of(&format!("{vehicle}{}", topic::GYRO.name));
+        let mut links = Samples::<LinksState>::of(&format!("{vehicle}{}", topic::LINKS_STATE.name));
+        let mut arm = Samples::<ArmCommand>::of(&format!("{vehicle}{}", topic::ARM_COMMAND.name));
+        let mut valves = Samples::<ThrustersState>::of(&format!("{vehicle}{}", topic::THRUSTERS_STATE.name));
+        log.collect(&mut [&mut base, &mut ee, &mut gyro, &mut links, &mut arm, &mut valves]).into_diagnostic()?;
+        let record = Record {
+            start_ns: [first(&base.samples), first(&ee.samples), first(&gyro.samples)].into_iter().min().unwrap_or(0),
+            base: base.samples,
+            ee: ee.samples,
+            gyro: gyro.samples,
+            links: links.samples,
+            arm: arm.samples,
+            valves: valves.samples,
+        };
+        record.check(path, plant)?;
+        Ok(record)
+    }
+
     /// Refuses what cannot belong to the plant.
     fn check(&self, path: &Path, plant: &Plant) -> Result<()> {
         let path = path.display();
@@ -124,7 +135,8 @@ impl Record {
         let name = if path.file_name().is_some_and(|file| file == LOG_FILE) { path.parent() } else { Some(path) };
         let name = name.and_then(Path::file_stem).map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let joints = self.joints();
-        let joint_command = joints.as_ref().map(|joints| self.carried_out(plant, joints)).transpose()?;
+        let joint_command =
+            joints.as_ref().map(|joints| self.commands(joints).carried_out(plant)).transpose().into_diagnostic()?;
         Ok(Run {
             name,
             base_pose: self.poses(&self.base),
@@ -234,6 +246,19 @@ impl Record {
         rows
     }
 
+    /// What was commanded, and from where.
+    fn commands(&self, joints: &Joints) -> Commands {
+        let known = |column: &Vec<f64>| column.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
+        let pose = self.base.iter().find(|pose| pose.quality == MocapPose::VALID);
+        Commands {
+            pose: pose.map_or([0.0; 3], |p| [p.x_m, p.y_m, p.theta_rad]),
+            q_rad: joints.q_rad.iter().map(known).collect(),
+            joints: (0..joints.q_rad.len()).map(|link| self.issued(link)).collect(),
+            valves: self.openings(),
+            end_s: self.links.last().map_or(0.0, |state| self.seconds(state.stamp_ns)),
+        }
+    }
+
     /// What was sent to a link, and when it arrived, s.
     fn issued(&self, link: usize) -> Vec<(f64, JointCommand)> {
         let mut issued = Vec::new();
@@ -255,55 +280,5 @@ impl Record {
             issued.push((self.seconds(sent_ns) + COMMAND_TRANSIT_S, told));
         }
         issued
-    }
-
-    /// The encoder angles that the plant's own drivers would make of the commands.
-    fn carried_out(&self, plant: &Plant, joints: &Joints) -> Result<Many> {
-        let count = joints.q_rad.len();
-        let mut still = plant.clone();
-        still.disturbance = None;
-        let mut simulation = Simulation::new(&still, 0).into_diagnostic()?;
-        let known = |column: &Vec<f64>| column.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
-        let q_rad: Vec<f64> = joints.q_rad.iter().map(known).collect();
-        let pose = self.base.iter().find(|pose| pose.quality == MocapPose::VALID);
-        simulation.set_state(pose.map_or([0.0; 3], |p| [p.x_m, p.y_m, p.theta_rad]), [0.0; 3], &q_rad, &[]);
-        let issued: Vec<_> = (0..count).map(|link| self.issued(link)).collect();
-        let openings = self.openings();
-        let (mut next, mut opened) = (vec![0; count], 0);
-        let end_s = self.links.last().map_or(0.0, |state| self.seconds(state.stamp_ns));
-        let mut out = Many { t_s: Vec::new(), values: vec![Vec::new(); count] };
-        for step in 0..=(end_s / COMMAND_STEP_S) as usize {
-            out.t_s.push(step as f64 * COMMAND_STEP_S);
-            for (i, values) in out.values.iter_mut().enumerate() {
-                values.push(simulation.encoder_rad(i));
-            }
-            for _ in 0..10 {
-                for i in 0..count {
-                    while issued[i].get(next[i]).is_some_and(|(t_s, _)| *t_s <= simulation.t_s()) {
-                        next[i] += 1;
-                    }
-                    if let Some((t_s, told)) = next[i].checked_sub(1).map(|at| issued[i][at]) {
-                        simulation.set_joint(i, moved_on(told, simulation.t_s() - t_s));
-                    }
-                }
-                while let Some((_, open)) = openings.get(opened).filter(|row| row.0 <= simulation.t_s()) {
-                    simulation.set_valves(open);
-                    opened += 1;
-                }
-                simulation.step(0.1 * COMMAND_STEP_S);
-            }
-        }
-        Ok(out)
-    }
-}
-
-/// A command as its driver understands it some time later.
-fn moved_on(told: JointCommand, age_s: f64) -> JointCommand {
-    match told {
-        JointCommand::Position { q_rad, qd_rad_s } => JointCommand::Position {
-            q_rad: q_rad + qd_rad_s * age_s.min(MOVE_ON_S),
-            qd_rad_s: if age_s < MOVE_ON_S { qd_rad_s } else { 0.0 },
-        },
-        other => other,
     }
 }

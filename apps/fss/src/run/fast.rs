@@ -13,7 +13,7 @@ use fss_lab::{DeviceOutputs, LabConfig, Laboratory};
 use fss_links::{COMMAND_QUEUE, CommandDatagram, LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MissionState, TruthState, topic};
 use fss_mission::{MissionConfig, MissionService};
-use fss_plant::Physics;
+use fss_plant::{Physics, Plant};
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
 use fss_thrusters::{Thrusters, VALVES_QUEUE};
@@ -30,11 +30,17 @@ const TRUTH_PERIOD_NS: u64 = 10_000_000;
 /// A mission that has not ended so long after it should have is given up, s.
 const PATIENCE_S: f64 = 60.0;
 
-/// Flies the mission and records it.
+/// Flies the mission in a laboratory, which may be another than the plant that the stack believes in, and records it.
 ///
 /// # Errors
 /// Where the log cannot be written or the mission does not end.
-pub fn fly(stack: &Stack, log_path: &Path, seed: u64, mut progress: impl FnMut(&MissionState)) -> Result<()> {
+pub fn fly(
+    stack: &Stack,
+    laboratory: &Plant,
+    log_path: &Path,
+    seed: u64,
+    mut progress: impl FnMut(&MissionState),
+) -> Result<()> {
     let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
     let (description, path) = (Description::new(stack, "virtual")?, log_path.to_owned());
     let open = move |_| {
@@ -48,7 +54,7 @@ pub fn fly(stack: &Stack, log_path: &Path, seed: u64, mut progress: impl FnMut(&
 
     let mut clock = virtual_time::Stack::new();
     for schedule in &stack.launch.services {
-        add(&mut clock, schedule, stack, &bus, seed, &recorder)?;
+        add(&mut clock, schedule, (stack, laboratory), &bus, seed, &recorder)?;
     }
     let deadline = Time::from_ns(((stack.mission.duration_s() + PATIENCE_S) * 1e9) as u64);
     let outcome = loop {
@@ -93,7 +99,7 @@ impl<T: Tick> Tick for Shared<T> {
 fn add(
     clock: &mut virtual_time::Stack<'_>,
     schedule: &Schedule,
-    stack: &Stack,
+    (stack, laboratory): (&Stack, &Plant),
     bus: &Bus,
     seed: u64,
     recorder: &Rc<RefCell<Runner<Recorder>>>,
@@ -108,7 +114,7 @@ fn add(
     }
     match schedule.name.get_ref().as_str() {
         "recorder" => clock.add(Shared(recorder.clone()), period_ns, phase_ns),
-        "lab" => clock.add(VirtualLaboratory::new(stack, bus, seed)?, period_ns, phase_ns),
+        "lab" => clock.add(VirtualLaboratory::new(stack, laboratory, bus, seed)?, period_ns, phase_ns),
         "fusion" => member!(Fusion::new(FusionConfig::from_plant(plant))),
         "links" => member!(LinksService::new(LinksConfig::new(plant), key_of(seed)?, 1)),
         "arm" => member!(ArmService::new(ArmConfig::new(plant).into_diagnostic()?)),
@@ -153,7 +159,7 @@ struct Wires {
 }
 
 impl VirtualLaboratory {
-    fn new(stack: &Stack, bus: &Bus, seed: u64) -> Result<Self> {
+    fn new(stack: &Stack, plant: &Plant, bus: &Bus, seed: u64) -> Result<Self> {
         let mut config = LabConfig::new(seed, key_of(seed)?);
         config.start = start_of(&stack.mission);
         let wires = Wires {
@@ -164,7 +170,7 @@ impl VirtualLaboratory {
             telemetry: queue(bus, TELEMETRY_QUEUE)?,
         };
         Ok(Self {
-            laboratory: Laboratory::new(&stack.plant, config, 0).into_diagnostic()?,
+            laboratory: Laboratory::new(plant, config, 0).into_diagnostic()?,
             wires,
             commands: queue(bus, COMMAND_QUEUE)?,
             valves: queue(bus, VALVES_QUEUE)?,

@@ -1,10 +1,10 @@
 //! `fss run`, `fss service` and `fss lab`: flying a mission, in real time or as fast as the machine allows.
 
-mod fast;
+pub mod fast;
 mod launcher;
 mod picture;
 mod processes;
-mod stack;
+pub mod stack;
 mod summary;
 
 use clap::Args;
@@ -96,7 +96,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
     let bar = progress_bar(&stack, args.quiet);
     let show = |mission: &MissionState| show_progress(&bar, &stack, mission);
     if args.fast {
-        fast::fly(&stack, &folder.join(LOG_FILE), args.seed, show)?;
+        fast::fly(&stack, &stack.plant, &folder.join(LOG_FILE), args.seed, show)?;
     } else {
         let site = launcher::Site {
             bus_prefix: format!("fss_{}_", std::process::id()),

@@ -1,7 +1,9 @@
 //! `unmodelled`
 //!
 //! The diagnosis says so with a channel and words; in a simulation the channels `base_force`,
-//! `base_torque` and `joint_torque_1`.. act as strength sin(2 pi frequency t + phase), all others only describe.
+//! `base_torque` and `joint_torque_1`.. act as strength sin(2 pi frequency t + phase). Where a channel ends with
+//! `_by_place`, the way of the base along the direction (m) stands for the time; `base_torque_by_heading` counts the
+//! base's turns, `joint_torque_1_by_angle`.. the joint's. All others only describe.
 
 use crate::effect::Effect;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
@@ -36,10 +38,19 @@ impl EffectKind for Unmodelled {
         match effect.channel() {
             Some("base_force") => physics.base_laws.push(BaseLaw { law: force, values: effect.padded() }),
             Some("base_torque") => physics.base_laws.push(BaseLaw { law: torque, values: effect.padded() }),
+            Some("base_force_by_place") => {
+                physics.base_laws.push(BaseLaw { law: force_by_place, values: effect.padded() });
+            }
+            Some("base_torque_by_heading") => {
+                physics.base_laws.push(BaseLaw { law: torque_by_heading, values: effect.padded() });
+            }
             Some(channel) => {
-                let joint = channel.strip_prefix("joint_torque_").and_then(|n| n.parse::<usize>().ok());
-                if let Some(joint) = joint.and_then(|n| n.checked_sub(1)).filter(|j| *j < physics.joints.len()) {
-                    physics.joint_laws.push(JointLaw { joint, law: joint_torque, values: effect.padded() });
+                let by_angle = channel.strip_suffix("_by_angle");
+                let joint = by_angle.unwrap_or(channel).strip_prefix("joint_torque_");
+                let joint = joint.and_then(|n| n.parse::<usize>().ok()).and_then(|n| n.checked_sub(1));
+                if let Some(joint) = joint.filter(|j| *j < physics.joints.len()) {
+                    let law = if by_angle.is_some() { joint_torque_by_angle } else { joint_torque };
+                    physics.joint_laws.push(JointLaw { joint, law, values: effect.padded() });
                 }
             }
             None => {}
@@ -47,8 +58,9 @@ impl EffectKind for Unmodelled {
     }
 }
 
-fn sine(p: &[f64; MAX_PARAMETERS], t_s: f64) -> f64 {
-    p[0] * (std::f64::consts::TAU * p[1] * t_s + p[3]).sin()
+/// `along` counts seconds, metres or turns.
+fn sine(p: &[f64; MAX_PARAMETERS], along: f64) -> f64 {
+    p[0] * (std::f64::consts::TAU * p[1] * along + p[3]).sin()
 }
 
 fn force(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
@@ -57,10 +69,24 @@ fn force(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
     [size * cos, size * sin, 0.0]
 }
 
+fn force_by_place(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    let (sin, cos) = p[2].sin_cos();
+    let size = sine(p, cos * base.pose[0] + sin * base.pose[1]);
+    [size * cos, size * sin, 0.0]
+}
+
+fn torque_by_heading(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    [0.0, 0.0, sine(p, base.pose[2] / std::f64::consts::TAU)]
+}
+
 fn torque(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
     [0.0, 0.0, sine(p, base.t_s)]
 }
 
 fn joint_torque(p: &[f64; MAX_PARAMETERS], t_s: f64, _q_rad: f64, _qd_rad_s: f64) -> f64 {
     sine(p, t_s)
+}
+
+fn joint_torque_by_angle(p: &[f64; MAX_PARAMETERS], _t_s: f64, q_rad: f64, _qd_rad_s: f64) -> f64 {
+    sine(p, q_rad / std::f64::consts::TAU)
 }

@@ -1,0 +1,201 @@
+//! Twin flights: how much an effect does to the sensors.
+//!
+//! The experiments are commanded open loop, so every laboratory is told the same. Their commands are played twice without
+//! noise and with the room's air at rest, with and without the effect. The difference of what the sensors show is divided
+//! by their noise; a window's initial state takes off what it can (base, end-effector and gyro together: a rigid shift,
+//! turn and drift). What is left, as RMS over all runs of the channel that shows most of it, is the *dose*, over the RMS of
+//! noise and of what the room's air does to the same channel.
+
+use crate::diagnose::commands::Commands;
+use fss_plant::{Effect, Instruments, Plant, Simulation};
+use miette::{IntoDiagnostic, Result};
+use nalgebra::{Matrix6, Vector6};
+use rayon::prelude::*;
+
+/// Length of a window, s.
+const WINDOW_S: f64 = 5.0;
+/// Between two samples of base, end-effector and gyro, ms; and of telemetry, in those.
+const SAMPLE_MS: usize = 50;
+const TELEMETRY_EVERY: usize = 4;
+/// Base pose, end-effector pose, gyro.
+const FAST_CHANNELS: usize = 7;
+
+/// The experiments, ready to be played on any laboratory of one plant.
+pub struct Twins {
+    flights: Vec<Commands>,
+    noise: Vec<f64>,
+    /// RMS of noise and air in each channel, over the noise.
+    floor: Vec<f64>,
+}
+
+/// What the sensors show in one flight: by channel, over time.
+struct Seen {
+    channels: Vec<Vec<f64>>,
+    farthest_m: f64,
+}
+
+/// What effects do.
+pub struct Shown {
+    /// RMS of what they do to the sensors, over noise and disturbance.
+    pub dose: f64,
+    /// How far from the middle of the table the base comes along an axis, m.
+    pub farthest_m: f64,
+}
+
+/// What a laboratory shows without the effects that are asked about.
+pub struct Baseline(Vec<Seen>);
+
+impl Twins {
+    /// Of flights on `plant`, whose commands are given.
+    ///
+    /// # Errors
+    /// Where the plant is no mechanism.
+    pub fn new(plant: &Plant, flights: Vec<Commands>) -> Result<Self> {
+        let s = &plant.sensors;
+        let (p, a) = (s.mocap_position_m, s.mocap_angle_rad);
+        let mut noise = vec![p, p, a, p, p, a, s.gyro_rad_s];
+        for sd in [s.encoder_rad, s.encoder_rate_rad_s, s.current_a, s.torque_n_m] {
+            noise.extend(std::iter::repeat_n(sd, plant.link_count()));
+        }
+        for sd in &mut noise {
+            *sd = sd.max(1e-9);
+        }
+        let mut twins = Self { flights, noise, floor: Vec::new() };
+        twins.floor = vec![1.0; twins.noise.len()];
+        let still = twins.baseline(plant)?;
+        let airy = twins.play(&quiet(plant, true))?;
+        let air = twins.rms(&still, &airy);
+        twins.floor = air.iter().map(|rms| rms.hypot(1.0)).collect();
+        Ok(twins)
+    }
+
+    /// What the laboratory shows by itself.
+    ///
+    /// # Errors
+    /// Where the plant is no mechanism.
+    pub fn baseline(&self, room: &Plant) -> Result<Baseline> {
+        Ok(Baseline(self.play(&quiet(room, false))?))
+    }
+
+    /// What `effects` add to it.
+    ///
+    /// # Errors
+    /// Where the effects make no mechanism.
+    pub fn shown(&self, room: &Plant, baseline: &Baseline, effects: &[Effect]) -> Result<Shown> {
+        let seen = self.play(&quiet(&room.with_effects(effects), false))?;
+        let rms = self.rms(baseline, &seen);
+        Ok(Shown {
+            dose: rms.iter().zip(&self.floor).map(|(rms, floor)| rms / floor).fold(0.0, f64::max),
+            farthest_m: seen.iter().map(|seen| seen.farthest_m).fold(0.0, f64::max),
+        })
+    }
+
+    fn play(&self, plant: &Plant) -> Result<Vec<Seen>> {
+        self.flights.par_iter().map(|flight| Self::fly(plant, flight)).collect()
+    }
+
+    fn fly(plant: &Plant, flight: &Commands) -> Result<Seen> {
+        let links = plant.link_count();
+        let mut instruments = Instruments::new(links, 0);
+        let mut seen = Seen { channels: vec![Vec::new(); FAST_CHANNELS + 4 * links], farthest_m: 0.0 };
+        let mut samples = 0;
+        let see = |simulation: &Simulation| {
+            let base = instruments.mocap_base(simulation).unwrap_or_default();
+            let ee = instruments.mocap_end_effector(simulation).unwrap_or_default();
+            let gyro = instruments.gyro(simulation);
+            let fast = base.into_iter().chain(ee).chain([gyro]);
+            seen.channels.iter_mut().zip(fast).for_each(|(channel, value)| channel.push(value));
+            seen.farthest_m = seen.farthest_m.max(base[0].abs()).max(base[1].abs());
+            if samples % TELEMETRY_EVERY == 0 {
+                for i in 0..links {
+                    let link = instruments.link(simulation, i);
+                    let values = [link.q_rad, link.qd_rad_s, link.current_a, link.torque_nm];
+                    for (k, value) in values.into_iter().enumerate() {
+                        seen.channels[FAST_CHANNELS + k * links + i].push(value);
+                    }
+                }
+            }
+            samples += 1;
+        };
+        flight.play(plant, 1, SAMPLE_MS, see).into_diagnostic()?;
+        Ok(seen)
+    }
+
+    /// RMS of the difference in each channel over its noise, initial states taken off.
+    fn rms(&self, baseline: &Baseline, seen: &[Seen]) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0_usize); self.noise.len()];
+        for (without, with) in baseline.0.iter().zip(seen) {
+            let mut differences: Vec<Vec<f64>> = (without.channels.iter().zip(&with.channels).zip(&self.noise))
+                .map(|((a, b), sd)| a.iter().zip(b).map(|(a, b)| (b - a) / sd).collect())
+                .collect();
+            self.take_off_initial_states(&without.channels, &mut differences);
+            for ((sum, count), difference) in sums.iter_mut().zip(&differences) {
+                *sum += difference.iter().map(|d| d * d).sum::<f64>();
+                *count += difference.len();
+            }
+        }
+        sums.iter().map(|(sum, count)| (sum / (*count).max(1) as f64).sqrt()).collect()
+    }
+
+    /// Fits a rigid shift, turn and drift to each window of base, end-effector and gyro, and takes it off.
+    fn take_off_initial_states(&self, seen: &[Vec<f64>], differences: &mut [Vec<f64>]) {
+        let length = (WINDOW_S * 1e3) as usize / SAMPLE_MS;
+        let count = differences[0].len();
+        for from in (0..count).step_by(length) {
+            let window = from..(from + length).min(count);
+            let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
+            for k in window.clone() {
+                for (channel, row) in self.rows(seen, from, k).iter().enumerate() {
+                    normal += row * row.transpose();
+                    right += row * differences[channel][k];
+                }
+            }
+            let Some(cholesky) = (normal + Matrix6::identity() * 1e-9).cholesky() else { continue };
+            let state = cholesky.solve(&right);
+            for k in window {
+                for (channel, row) in self.rows(seen, from, k).iter().enumerate() {
+                    differences[channel][k] -= row.dot(&state);
+                }
+            }
+        }
+    }
+
+    /// What a shift x, y, a turn about the base and their rates do to the fast channels at sample `k`, over the noise.
+    fn rows(&self, seen: &[Vec<f64>], from: usize, k: usize) -> [Vector6<f64>; FAST_CHANNELS] {
+        let t_s = (k - from) as f64 * SAMPLE_MS as f64 * 1e-3;
+        let (arm_x, arm_y) = (seen[3][k] - seen[0][k], seen[4][k] - seen[1][k]);
+        let row = |x: f64, y: f64, turn: f64, sd: f64| Vector6::new(x, y, turn, x * t_s, y * t_s, turn * t_s) / sd;
+        let n = &self.noise;
+        [
+            row(1.0, 0.0, 0.0, n[0]),
+            row(0.0, 1.0, 0.0, n[1]),
+            row(0.0, 0.0, 1.0, n[2]),
+            row(1.0, 0.0, -arm_y, n[3]),
+            row(0.0, 1.0, arm_x, n[4]),
+            row(0.0, 0.0, 1.0, n[5]),
+            Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 1.0) / n[6],
+        ]
+    }
+}
+
+/// The plant with perfect sensors, its air at rest unless asked for.
+fn quiet(plant: &Plant, airy: bool) -> Plant {
+    let mut plant = plant.clone();
+    plant.disturbance = plant.disturbance.filter(|_| airy);
+    let s = &mut plant.sensors;
+    for noise in [
+        &mut s.mocap_position_m,
+        &mut s.mocap_angle_rad,
+        &mut s.mocap_dropout,
+        &mut s.gyro_rad_s,
+        &mut s.gyro_bias_walk_rad_s_sqrt_s,
+        &mut s.encoder_rad,
+        &mut s.encoder_rate_rad_s,
+        &mut s.encoder_step_rad,
+        &mut s.current_a,
+        &mut s.torque_n_m,
+    ] {
+        *noise = 0.0;
+    }
+    plant
+}
