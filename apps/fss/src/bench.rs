@@ -1,5 +1,10 @@
 //! `fss bench`: how fast this build is on this machine.
 
+mod distribution;
+mod ipc;
+mod jitter;
+mod recorder;
+
 use clap::{Args, Subcommand};
 use fss_multibody::{Coordinates, Model, Sensitivity, State, integrate, step_with_derivatives};
 use fss_plant::Plant;
@@ -16,6 +21,51 @@ use crate::files::TextFile;
 pub enum BenchCommand {
     /// Forward dynamics, an RK4 step, and a step with its state-transition matrix: medians of several runs.
     Dynamics(DynamicsArgs),
+    /// One-way latency of a sample over the bus, raw iceoryx2, bare shared memory, UDP and Unix sockets, in turns.
+    Ipc(JsonArgs),
+    /// How late a service's step begins, against a bare `clock_nanosleep` loop, in turns.
+    Jitter(JitterArgs),
+    /// What recording costs a byte, against the bare MCAP writer, in turns.
+    Recorder(RecorderArgs),
+}
+
+/// How to tell.
+#[derive(Args)]
+pub struct JsonArgs {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How to run the loops.
+#[derive(Args)]
+pub struct JitterArgs {
+    /// Steps a second.
+    #[arg(long, default_value_t = 1000.0)]
+    rate_hz: f64,
+    /// SCHED_FIFO priority, where the host grants it.
+    #[arg(long, default_value_t = 80)]
+    priority: u8,
+    /// The core to run on.
+    #[arg(long, default_value_t = 0)]
+    core: usize,
+    /// Time for each of the two loops, s.
+    #[arg(long, default_value_t = 10.0)]
+    seconds: f64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where to record.
+#[derive(Args)]
+pub struct RecorderArgs {
+    /// Folder on the disk in question; the system's temporary folder where absent.
+    #[arg(long, value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// What to time.
@@ -43,7 +93,28 @@ struct DynamicsTimes {
 pub fn run(command: &BenchCommand) -> Result<()> {
     match command {
         BenchCommand::Dynamics(args) => dynamics(args),
+        BenchCommand::Ipc(args) => {
+            let times = ipc::measure()?;
+            tell(args.json, &times, || times.print())
+        }
+        BenchCommand::Jitter(args) => {
+            let times = jitter::measure(args.rate_hz, args.priority, args.core, args.seconds)?;
+            tell(args.json, &times, || times.print())
+        }
+        BenchCommand::Recorder(args) => {
+            let times = recorder::measure(&args.folder.clone().unwrap_or_else(std::env::temp_dir))?;
+            tell(args.json, &times, || times.print())
+        }
     }
+}
+
+fn tell(json: bool, times: &impl Serialize, print: impl FnOnce()) -> Result<()> {
+    if json {
+        println!("{}", serde_json::to_string_pretty(times).into_diagnostic()?);
+    } else {
+        print();
+    }
+    Ok(())
 }
 
 fn dynamics(args: &DynamicsArgs) -> Result<()> {

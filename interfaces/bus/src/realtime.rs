@@ -62,8 +62,12 @@ pub fn sleep_until(wake: Time) {
     unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &raw const t, std::ptr::null_mut()) };
 }
 
+/// Pins the calling thread to a core.
+///
+/// # Errors
+/// Where there is no such core, or the system refuses it.
 #[allow(unsafe_code)]
-fn pin_to_core(core: usize) -> io::Result<()> {
+pub fn pin_to_core(core: usize) -> io::Result<()> {
     if core >= libc::CPU_SETSIZE as usize {
         return Err(io::Error::from(io::ErrorKind::InvalidInput));
     }

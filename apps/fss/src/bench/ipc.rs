@@ -1,0 +1,349 @@
+//! One-way latency of a sample between two threads on two cores, by every way that there is, in turns.
+
+use super::distribution::{Distribution, Percentiles};
+use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime, remove_dead_nodes};
+use fss_messages::topic::Topic;
+use fss_messages::{NavState, Sample};
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{Config, FileName, NodeBuilder, SemanticString, ServiceName, ipc};
+use miette::{IntoDiagnostic, Result, miette};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::net::UdpSocket;
+use std::os::unix::net::UnixDatagram;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Barrier};
+use std::time::{Duration, Instant};
+use zerocopy::{FromBytes, IntoBytes};
+
+/// The sample that travels.
+const SAMPLE_BYTES: usize = size_of::<NavState>();
+const WORDS: usize = SAMPLE_BYTES / 8;
+/// Each way has its turn so many times: a disturbance of the host does not meet one of them alone.
+const ROUNDS: u32 = 20;
+/// Round trips in a turn.
+const TRIPS: u64 = 1000;
+/// Round trips before a turn's first that counts.
+const WARM_UP: u64 = 50;
+
+/// Tells the other side to stop.
+const LAST: u64 = u64::MAX;
+
+/// What the benchmark found.
+#[derive(Serialize)]
+pub struct IpcTimes {
+    format: &'static str,
+    payload_bytes: usize,
+    round_trips: u64,
+    pinned: bool,
+    /// Half of a round trip, microseconds.
+    one_way_us: BTreeMap<&'static str, Percentiles>,
+    ratio: Ratios,
+}
+
+/// Of medians.
+#[derive(Serialize)]
+struct Ratios {
+    bus_to_iceoryx2: f64,
+    bus_to_shared_memory: f64,
+    udp_to_bus: f64,
+    unix_to_bus: f64,
+}
+
+/// One end of a way. Sending and receiving never fail in a way that this could mend: a failed end shows as silence.
+trait End {
+    fn send(&mut self, sequence: u64);
+    /// The sequence of the sample that comes next; zero where one side is gone.
+    fn receive(&mut self) -> u64;
+}
+
+/// A way opens both its ends in the threads that use them.
+type Opener = Box<dyn FnOnce() -> Result<Box<dyn End>> + Send>;
+
+/// Measures all ways in turns.
+pub fn measure() -> Result<IpcTimes> {
+    let prefix = format!("fssbench_{}_", std::process::id());
+    let ways: [(&'static str, WayOf); 5] = [
+        ("bus", bus_way),
+        ("iceoryx2", iceoryx_way),
+        ("shared_memory", cache_line_way),
+        ("unix_socket", unix_way),
+        ("udp", udp_way),
+    ];
+    let mut all: BTreeMap<&'static str, Distribution> = BTreeMap::new();
+    let pinned = std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
+    for round in 0..ROUNDS {
+        for (name, open) in ways {
+            let (near, far) = open(&format!("{prefix}{round}{name}"))?;
+            let times = all.entry(name).or_insert(Distribution::new()?);
+            let outcome = turn(near, far, pinned, times);
+            remove_dead_nodes(&format!("{prefix}{round}{name}"), true).into_diagnostic()?;
+            outcome.map_err(|e| e.wrap_err(name))?;
+        }
+    }
+    let one_way_us: BTreeMap<_, _> = all.iter().map(|(name, times)| (*name, times.percentiles(1e-3 / 2.0))).collect();
+    let ratio = |of: &str, to: &str| one_way_us[of].p50 / one_way_us[to].p50;
+    let ratio = Ratios {
+        bus_to_iceoryx2: ratio("bus", "iceoryx2"),
+        bus_to_shared_memory: ratio("bus", "shared_memory"),
+        udp_to_bus: ratio("udp", "bus"),
+        unix_to_bus: ratio("unix_socket", "bus"),
+    };
+    Ok(IpcTimes {
+        format: "fss-bench-ipc/1",
+        payload_bytes: SAMPLE_BYTES,
+        round_trips: u64::from(ROUNDS) * TRIPS,
+        pinned,
+        one_way_us,
+        ratio,
+    })
+}
+
+impl IpcTimes {
+    /// The table for a person.
+    pub fn print(&self) {
+        println!("{:<16} {:>8} {:>8} {:>8}   one way, us", "", "p50", "p99", "p99.9");
+        for (name, times) in &self.one_way_us {
+            println!("{name:<16} {:>8.3} {:>8.3} {:>8.3}", times.p50, times.p99, times.p99_9);
+        }
+        println!("bus to iceoryx2  {:.2} at the median", self.ratio.bus_to_iceoryx2);
+        println!("{} B, {} round trips each way, in turns", self.payload_bytes, self.round_trips);
+    }
+}
+
+type WayOf = fn(&str) -> Result<(Opener, Opener)>;
+
+fn turn(near: Opener, far: Opener, pinned: bool, times: &mut Distribution) -> Result<()> {
+    let both_open = Arc::new(Barrier::new(2));
+    let opened = both_open.clone();
+    let echo = std::thread::spawn(move || -> Result<()> {
+        if pinned {
+            let _unpinned_where_refused = realtime::pin_to_core(1);
+        }
+        let end = far();
+        opened.wait();
+        let mut end = end?;
+        loop {
+            match end.receive() {
+                LAST | 0 => return Ok(()),
+                sequence => end.send(sequence),
+            }
+        }
+    });
+    let ping = std::thread::spawn(move || -> Result<Vec<u64>> {
+        if pinned {
+            let _unpinned_where_refused = realtime::pin_to_core(0);
+        }
+        let end = near();
+        both_open.wait();
+        let mut end = end?;
+        let mut trips = Vec::with_capacity(TRIPS as usize);
+        for sequence in 1..=WARM_UP + TRIPS {
+            let start = Instant::now();
+            end.send(sequence);
+            if end.receive() != sequence {
+                return Err(miette!("a sample was lost on its way"));
+            }
+            if sequence > WARM_UP {
+                trips.push(start.elapsed().as_nanos() as u64);
+            }
+        }
+        end.send(LAST);
+        // An end that closes at once could take the last word with it.
+        std::thread::sleep(Duration::from_millis(2));
+        Ok(trips)
+    });
+    let join = |_| miette!("a thread of the benchmark failed");
+    let trips = ping.join().map_err(join)?;
+    echo.join().map_err(join)??;
+    for trip_ns in trips? {
+        times.record(trip_ns);
+    }
+    Ok(())
+}
+
+/// A sample that says its number.
+fn sample(sequence: u64) -> NavState {
+    NavState { stamp_ns: sequence, ..NavState::default() }
+}
+
+/// Asks until there is an answer, at most for a second.
+fn poll(mut ask: impl FnMut() -> Option<u64>) -> u64 {
+    let mut tries = 0_u32;
+    let mut start = None;
+    loop {
+        if let Some(sequence) = ask() {
+            return sequence;
+        }
+        tries = tries.wrapping_add(1);
+        if tries.is_multiple_of(1 << 16) && start.get_or_insert_with(Instant::now).elapsed() > Duration::from_secs(1) {
+            return 0;
+        }
+        std::hint::spin_loop();
+    }
+}
+
+struct BusEnd {
+    out: Output<NavState>,
+    input: Latest<NavState>,
+    _bus: Bus,
+}
+
+impl End for BusEnd {
+    fn send(&mut self, sequence: u64) {
+        self.out.publish(sample(sequence));
+        self.out.flush(Time::from_ns(sequence));
+    }
+
+    fn receive(&mut self) -> u64 {
+        poll(|| {
+            self.input.refresh();
+            self.input.fresh().map(|sample| sample.header().stamp_ns)
+        })
+    }
+}
+
+fn bus_way(prefix: &str) -> Result<(Opener, Opener)> {
+    let end = |out: &'static str, input: &'static str| -> Opener {
+        let prefix = prefix.to_owned();
+        Box::new(move || {
+            let bus = Bus::shared(&SharedConfig { node: "bench".to_owned(), prefix }).into_diagnostic()?;
+            let out = Output::open(&bus, Topic::new(out)).into_diagnostic()?;
+            let input = Latest::open(&bus, Topic::new(input)).into_diagnostic()?;
+            Ok(Box::new(BusEnd { out, input, _bus: bus }))
+        })
+    };
+    Ok((end("/ping", "/pong"), end("/pong", "/ping")))
+}
+
+struct IceoryxEnd {
+    publisher: Publisher<ipc::Service, NavState, ()>,
+    subscriber: Subscriber<ipc::Service, NavState, ()>,
+}
+
+impl End for IceoryxEnd {
+    fn send(&mut self, sequence: u64) {
+        if let Ok(loan) = self.publisher.loan_uninit() {
+            let _silence_tells = loan.write_payload(sample(sequence)).send();
+        }
+    }
+
+    fn receive(&mut self) -> u64 {
+        poll(|| self.subscriber.receive().ok().flatten().map(|sample| sample.payload().stamp_ns))
+    }
+}
+
+fn iceoryx_way(prefix: &str) -> Result<(Opener, Opener)> {
+    let end = |out: &'static str, input: &'static str| -> Opener {
+        let prefix = prefix.to_owned();
+        Box::new(move || {
+            let refused = |what: &dyn std::fmt::Debug| miette!("iceoryx2 refuses: {what:?}");
+            let mut config = Config::default();
+            config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|e| refused(&e))?;
+            let node = NodeBuilder::new().config(&config).create::<ipc::Service>().map_err(|e| refused(&e))?;
+            let service = |name: &str| {
+                let name = ServiceName::new(name).map_err(|e| refused(&e))?;
+                node.service_builder(&name).publish_subscribe::<NavState>().open_or_create().map_err(|e| refused(&e))
+            };
+            let publisher = service(out)?.publisher_builder().create().map_err(|e| refused(&e))?;
+            let subscriber = service(input)?.subscriber_builder().create().map_err(|e| refused(&e))?;
+            Ok(Box::new(IceoryxEnd { publisher, subscriber }))
+        })
+    };
+    Ok((end("ping", "pong"), end("pong", "ping")))
+}
+
+/// A sample in memory that two cores share, and its number, which is written last.
+struct Line {
+    words: [AtomicU64; WORDS],
+    number: AtomicU64,
+}
+
+impl Line {
+    fn new() -> Arc<Self> {
+        Arc::new(Self { words: std::array::from_fn(|_| AtomicU64::new(0)), number: AtomicU64::new(0) })
+    }
+}
+
+struct CacheLineEnd {
+    out: Arc<Line>,
+    input: Arc<Line>,
+    seen: u64,
+}
+
+impl End for CacheLineEnd {
+    fn send(&mut self, sequence: u64) {
+        let sample = sample(sequence);
+        for (word, bytes) in self.out.words.iter().zip(sample.as_bytes().chunks_exact(8)) {
+            word.store(u64::from_ne_bytes(bytes.try_into().unwrap_or_default()), Ordering::Relaxed);
+        }
+        self.out.number.store(sequence, Ordering::Release);
+    }
+
+    fn receive(&mut self) -> u64 {
+        let number = poll(|| Some(self.input.number.load(Ordering::Acquire)).filter(|number| *number != self.seen));
+        self.seen = number;
+        // The sample is read like any other's.
+        std::hint::black_box(self.input.words.iter().map(|word| word.load(Ordering::Relaxed)).sum::<u64>());
+        number
+    }
+}
+
+fn cache_line_way(_: &str) -> Result<(Opener, Opener)> {
+    let (there, back) = (Line::new(), Line::new());
+    let end = |out: &Arc<Line>, input: &Arc<Line>| -> Opener {
+        let (out, input) = (out.clone(), input.clone());
+        Box::new(move || Ok(Box::new(CacheLineEnd { out, input, seen: 0 })))
+    };
+    Ok((end(&there, &back), end(&back, &there)))
+}
+
+/// A datagram socket of whatever kind.
+struct SocketEnd<S, R> {
+    send: S,
+    receive: R,
+}
+
+impl<S: FnMut(&[u8]), R: FnMut(&mut [u8]) -> usize> End for SocketEnd<S, R> {
+    fn send(&mut self, sequence: u64) {
+        (self.send)(sample(sequence).as_bytes());
+    }
+
+    fn receive(&mut self) -> u64 {
+        let mut bytes = [0; SAMPLE_BYTES];
+        let len = (self.receive)(&mut bytes);
+        NavState::read_from_bytes(&bytes[..len]).map_or(0, |sample| sample.stamp_ns)
+    }
+}
+
+fn unix_way(_: &str) -> Result<(Opener, Opener)> {
+    let (near, far) = UnixDatagram::pair().into_diagnostic()?;
+    let end = |socket: UnixDatagram| -> Result<Opener> {
+        socket.set_read_timeout(Some(Duration::from_secs(1))).into_diagnostic()?;
+        let socket = Arc::new(socket);
+        let other = socket.clone();
+        Ok(Box::new(move || {
+            let send = move |bytes: &[u8]| drop(socket.send(bytes));
+            Ok(Box::new(SocketEnd { send, receive: move |bytes: &mut [u8]| other.recv(bytes).unwrap_or(0) }))
+        }))
+    };
+    Ok((end(near)?, end(far)?))
+}
+
+fn udp_way(_: &str) -> Result<(Opener, Opener)> {
+    let bind = || UdpSocket::bind("127.0.0.1:0").into_diagnostic();
+    let (near, far) = (bind()?, bind()?);
+    near.connect(far.local_addr().into_diagnostic()?).into_diagnostic()?;
+    far.connect(near.local_addr().into_diagnostic()?).into_diagnostic()?;
+    let end = |socket: UdpSocket| -> Result<Opener> {
+        socket.set_read_timeout(Some(Duration::from_secs(1))).into_diagnostic()?;
+        let socket = Arc::new(socket);
+        let other = socket.clone();
+        Ok(Box::new(move || {
+            let send = move |bytes: &[u8]| drop(socket.send(bytes));
+            Ok(Box::new(SocketEnd { send, receive: move |bytes: &mut [u8]| other.recv(bytes).unwrap_or(0) }))
+        }))
+    };
+    Ok((end(near)?, end(far)?))
+}

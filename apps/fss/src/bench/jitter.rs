@@ -1,0 +1,187 @@
+//! Wake-up jitter of the loop that runs every service, against a bare `clock_nanosleep` loop, in turns.
+
+use super::distribution::{Distribution, Percentiles};
+use fss_bus::launch::{Launch, Schedule};
+use fss_bus::{Bus, Runner, Service, SharedConfig, Time, inputs, outputs, process, realtime, remove_dead_nodes};
+use miette::{IntoDiagnostic, Result, miette};
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A turn of either loop, s.
+const TURN_S: f64 = 1.0;
+
+/// What the benchmark found.
+#[derive(Serialize)]
+pub struct JitterTimes {
+    format: &'static str,
+    rate_hz: f64,
+    real_time: bool,
+    missing: Vec<String>,
+    /// How late the service's step begins, microseconds.
+    ours_us: Percentiles,
+    /// How late the bare loop wakes, microseconds.
+    bare_us: Percentiles,
+    ratio: Ratios,
+    cycles: Cycles,
+}
+
+#[derive(Serialize)]
+struct Ratios {
+    p50: f64,
+    p90: f64,
+    p99: f64,
+    p99_9: f64,
+}
+
+/// Steps that began, and boundaries at which none did.
+#[derive(Default, Serialize)]
+struct Cycles {
+    ours: u64,
+    bare: u64,
+    ours_missed: u64,
+    bare_missed: u64,
+}
+
+inputs! {
+    /// None.
+    struct NoInputs {}
+}
+
+outputs! {
+    /// None.
+    struct NoOutputs {}
+}
+
+/// A service that does nothing but look at the clock.
+struct Clock {
+    times: Distribution,
+    last: Option<Time>,
+    period_ns: u64,
+    missed: u64,
+    left: u64,
+    stop: Arc<AtomicBool>,
+}
+
+impl Clock {
+    fn tick(&mut self, boundary: Time) {
+        let Ok(now) = realtime::now() else { return };
+        self.times.record(now.age_ns(boundary.ns()).max(1));
+        let passed_ns = self.last.map_or(self.period_ns, |last| boundary.age_ns(last.ns()));
+        self.missed += (passed_ns / self.period_ns).saturating_sub(1);
+        self.last = Some(boundary);
+        self.left = self.left.saturating_sub(1);
+        if self.left == 0 {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Service for Clock {
+    type Inputs = NoInputs;
+    type Outputs = NoOutputs;
+    const NAME: &'static str = "jitter";
+
+    fn step(&mut self, now: Time, _inputs: &NoInputs, _outputs: &mut NoOutputs) {
+        self.tick(now);
+    }
+}
+
+/// Runs both loops for `seconds` each.
+pub fn measure(rate_hz: f64, priority: u8, core: usize, seconds: f64) -> Result<JitterTimes> {
+    let schedule = schedule(rate_hz, priority, core)?;
+    let prefix = format!("fssbench_{}_", std::process::id());
+    // On a thread of its own: the priority goes with it.
+    let turns = (seconds / TURN_S).ceil().max(1.0) as u64;
+    let times = std::thread::spawn(move || {
+        let outcome = both(&schedule, &prefix, turns);
+        let _nothing_left = remove_dead_nodes(&prefix, true);
+        outcome
+    });
+    times.join().map_err(|_| miette!("the benchmark's thread failed"))?
+}
+
+fn both(schedule: &Schedule, prefix: &str, turns: u64) -> Result<JitterTimes> {
+    let rate_hz = *schedule.rate_hz.get_ref();
+    let clock = || -> Result<Clock> {
+        let (period_ns, stop) = (schedule.period_ns(), Arc::default());
+        Ok(Clock { times: Distribution::new()?, last: None, period_ns, missed: 0, left: 0, stop })
+    };
+    let granted = realtime::enter(schedule);
+    let bus = Bus::shared(&SharedConfig { node: "bench".to_owned(), prefix: prefix.to_owned() }).into_diagnostic()?;
+    let mut ours = Runner::new(clock()?, &bus).into_diagnostic()?;
+    let mut bare = clock()?;
+    for _ in 0..turns {
+        let steps = (rate_hz * TURN_S) as u64;
+        for clock in [&mut ours.service, &mut bare] {
+            (clock.left, clock.last) = (steps, None);
+            clock.stop.store(false, Ordering::Relaxed);
+        }
+        let stop = ours.service.stop.clone();
+        process::run(&mut ours, &bus, schedule, 1, &stop, || ()).into_diagnostic()?;
+        run_bare(&mut bare)?;
+    }
+    let (ours, bare) = (ours.service, bare);
+    let (ours_us, bare_us) = (ours.times.percentiles(1e-3), bare.times.percentiles(1e-3));
+    Ok(JitterTimes {
+        format: "fss-bench-jitter/1",
+        rate_hz,
+        real_time: granted.real_time,
+        missing: granted.missing,
+        ratio: Ratios {
+            p50: ours_us.p50 / bare_us.p50,
+            p90: ours_us.p90 / bare_us.p90,
+            p99: ours_us.p99 / bare_us.p99,
+            p99_9: ours_us.p99_9 / bare_us.p99_9,
+        },
+        ours_us,
+        bare_us,
+        cycles: Cycles {
+            ours: ours.times.count(),
+            bare: bare.times.count(),
+            ours_missed: ours.missed,
+            bare_missed: bare.missed,
+        },
+    })
+}
+
+/// What cyclictest does: sleep until an absolute time, look how late it is.
+fn run_bare(clock: &mut Clock) -> Result<()> {
+    let period_ns = clock.period_ns;
+    let mut boundary = realtime::now().into_diagnostic()?.plus_ns(period_ns);
+    while !clock.stop.load(Ordering::Relaxed) {
+        realtime::sleep_until(boundary);
+        clock.tick(boundary);
+        let now = realtime::now().into_diagnostic()?;
+        let passed = now.age_ns(boundary.ns()) / period_ns;
+        boundary = boundary.plus_ns((passed + 1) * period_ns);
+    }
+    Ok(())
+}
+
+/// A schedule as a launch file gives it.
+fn schedule(rate_hz: f64, priority: u8, core: usize) -> Result<Schedule> {
+    let text = format!(
+        "[devices]\nvicon = '127.0.0.1:1'\ngyro = '-'\nvalves = '-'\nlinks_local = '127.0.0.1:1'\nlinks = []\n\
+         [[service]]\nname = 'jitter'\nrate_hz = {rate_hz:?}\npriority = {priority}\ncore = {core}\n"
+    );
+    let launch = Launch::parse(&text, &["jitter"]).into_diagnostic()?;
+    launch.schedule("jitter").cloned().ok_or_else(|| miette!("the schedule is empty"))
+}
+
+impl JitterTimes {
+    /// The table for a person.
+    pub fn print(&self) {
+        println!("{:<16} {:>8} {:>8} {:>8} {:>8}   late, us, at {} Hz", "", "p50", "p90", "p99", "p99.9", self.rate_hz);
+        for (name, t) in [("our loop", self.ours_us), ("clock_nanosleep", self.bare_us)] {
+            println!("{name:<16} {:>8.1} {:>8.1} {:>8.1} {:>8.1}", t.p50, t.p90, t.p99, t.p99_9);
+        }
+        let r = &self.ratio;
+        println!("{:<16} {:>8.2} {:>8.2} {:>8.2} {:>8.2}", "ratio", r.p50, r.p90, r.p99, r.p99_9);
+        let c = &self.cycles;
+        println!("{} and {} cycles, {} and {} missed", c.ours, c.bare, c.ours_missed, c.bare_missed);
+        for missing in &self.missing {
+            println!("without {missing}");
+        }
+    }
+}
