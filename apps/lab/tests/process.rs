@@ -37,7 +37,8 @@ impl Running {
         let stop = std::sync::Arc::new(AtomicBool::new(false));
         let (sender, truth) = mpsc::channel();
         let flag = stop.clone();
-        let thread = thread::spawn(move || process.run(&flag, |truth| sender.send(*truth).unwrap_or(())).unwrap());
+        let thread =
+            thread::spawn(move || process.run(&flag, |truth| sender.send(*truth).unwrap_or(()), |_| ()).unwrap());
         Self { links, truth, stop, thread: Some(thread) }
     }
 

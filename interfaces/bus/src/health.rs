@@ -4,6 +4,8 @@ use crate::Time;
 use fss_messages::{Health, text};
 use hdrhistogram::Histogram;
 
+/// How often a service reports its health, ns: the sign of life by which its supervisor knows that it has not frozen.
+pub const REPORT_PERIOD_NS: u64 = 200_000_000;
 /// Largest latency that the histograms tell apart, ns; longer ones count as this.
 const LONGEST_NS: u64 = 10_000_000_000;
 

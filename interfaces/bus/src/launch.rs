@@ -76,9 +76,16 @@ pub struct Schedule {
     /// The core to which it is pinned; any where absent.
     #[serde(default)]
     pub core: Option<usize>,
+    /// Without a sign of life for so long it counts as frozen, and is killed.
+    #[serde(default = "default_frozen_ms")]
+    pub frozen_ms: u64,
     /// Whether the launcher restarts it when it dies.
     #[serde(default = "yes")]
     pub restart: bool,
+}
+
+const fn default_frozen_ms() -> u64 {
+    650
 }
 
 const fn yes() -> bool {

@@ -4,15 +4,12 @@
 //! share that clock, phases order the services of a stack without any process waiting for another. A boundary
 //! that was missed is skipped and counted, never made up in a burst.
 
-use crate::health::Monitor;
+use crate::health::{Monitor, REPORT_PERIOD_NS};
 use crate::launch::Schedule;
 use crate::realtime::{self, Privileges};
 use crate::{Bus, BusError, InputPorts, Output, OutputPort, Runner, Service, Time};
 use fss_messages::{Event, text, topic};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// How often a service reports its health, ns.
-const HEALTH_PERIOD_NS: u64 = 500_000_000;
 
 /// Runs the service until `stop` is set. `starts` counts how often it has been started in this run; `after_step` is the
 /// service's own device output where that cannot wait for a thread.
@@ -57,7 +54,7 @@ pub fn run<S: Service>(
             health.publish(monitor.report(done));
             health.flush(done);
             events.flush(done);
-            next_report_ns = done.ns() + HEALTH_PERIOD_NS;
+            next_report_ns = done.ns() + REPORT_PERIOD_NS;
         }
         let following = boundary.plus_ns(period_ns);
         boundary = if done < following { following } else { next_boundary(done, period_ns, phase_ns) };

@@ -77,7 +77,6 @@ impl SharedTopics {
             .service_builder(&service_name)
             .publish_subscribe::<T>()
             .enable_safe_overflow(true)
-            .history_size(1)
             .subscriber_max_buffer_size(MAX_BUFFER)
             .subscriber_max_borrowed_samples(4)
             .max_publishers(MAX_PUBLISHERS)

@@ -17,9 +17,9 @@ pub mod device;
 use fss_bus::{DeviceOutput, Feed, Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic};
 
-/// Age of the last command at which all valves shut, ns: with a step of at most 10 ms and the driver's own time they are
-/// shut within 100 ms of it.
-pub const DEAD_MAN_NS: u64 = 80_000_000;
+/// Age of the last command at which all valves shut, ns. Should this process freeze just before, the valve box shuts
+/// them 35 ms after the last word from it: either way within 100 ms of the command.
+pub const DEAD_MAN_NS: u64 = 60_000_000;
 /// Queue to the valve driver: masks, bit 0 is thruster 1.
 pub const VALVES_QUEUE: &str = "thrusters.valves";
 /// Queue from the valve driver: whether it could set the last mask.

@@ -2,8 +2,8 @@
 
 use super::stack::Stack;
 use fss_bus::launch::Schedule;
-use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
-use fss_messages::{Event, MissionState, topic};
+use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
+use fss_messages::{Event, Health, MissionState, text_of, topic};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
@@ -20,7 +20,23 @@ const START_TIME: Duration = Duration::from_millis(1500);
 /// First pause before a restart; it doubles with each restart of the same service.
 const FIRST_PAUSE: Duration = Duration::from_millis(10);
 /// Longest pause before a restart.
-const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+const LONGEST_PAUSE: Duration = Duration::from_millis(500);
+/// A service that lived so long was well: its next pause is the first again.
+const WELL: Duration = Duration::from_secs(2);
+/// One that ends within this time of its start does not work.
+const STILLBORN: Duration = Duration::from_millis(500);
+/// So many starts in a row that did not work, of a service that the flight needs, end it in safe mode.
+const STILLBORN_LIMIT: u32 = 8;
+/// How long a service may take to give its first sign of life.
+const BIRTH_TIME: Duration = Duration::from_secs(5);
+/// A launcher that was itself held up for so long cannot tell who else was.
+const OWN_STALL: Duration = Duration::from_millis(150);
+/// How long safe mode is recorded before the run ends.
+const SAFE_MODE_TIME: Duration = Duration::from_secs(1);
+/// Services that move the vehicle: safe mode stops them, and what they drove comes to rest by its own time-out.
+const MOVERS: [&str; 3] = ["mission", "base", "arm"];
+/// The flight goes on without it, whatever happens to it.
+const SPARED: &str = "recorder";
 /// How long a service may take to stop before it is killed.
 const STOP_TIME: Duration = Duration::from_secs(3);
 
@@ -56,6 +72,10 @@ struct Member {
     starts: u32,
     restart_at: Option<Instant>,
     pause: Duration,
+    /// Its last sign of life since its last start.
+    heard: Option<Instant>,
+    /// Starts in a row that did not work.
+    stillborn: u32,
 }
 
 /// Flies the stack as processes until its mission ends or `stop` is set; calls `progress` now and then.
@@ -78,7 +98,9 @@ struct Supervisor<'a> {
     site: &'a Site,
     members: Vec<Member>,
     mission: Latest<MissionState>,
+    health: Batch<Health>,
     events: Output<Event>,
+    watched: Instant,
     flown: Flown,
 }
 
@@ -91,7 +113,9 @@ impl<'a> Supervisor<'a> {
             site,
             members,
             mission: Latest::open(&bus, topic::MISSION_STATE).into_diagnostic()?,
+            health: Batch::open(&bus, topic::HEALTH).into_diagnostic()?,
             events: Output::open(&bus, topic::EVENTS).into_diagnostic()?,
+            watched: Instant::now(),
             flown: Flown::default(),
         })
     }
@@ -119,8 +143,9 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Restarts what has died.
+    /// Restarts what has died, and kills what has frozen.
     fn watch(&mut self) -> Result<()> {
+        self.listen();
         for i in 0..self.members.len() {
             if let Some(status) = self.members[i].ended().into_diagnostic()? {
                 self.bury(i, status)?;
@@ -134,6 +159,49 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
+    /// Takes the signs of life; a service that gives none for too long is killed, and thereby restarted.
+    fn listen(&mut self) {
+        let now = Instant::now();
+        let stalled = now - std::mem::replace(&mut self.watched, now) > OWN_STALL;
+        self.health.refresh();
+        for member in &mut self.members {
+            let name = member.schedule.name.get_ref();
+            let is_its_own = |health: &&Health| health.starts == member.starts && text_of(&health.service) == name;
+            let heard = self.health.samples().iter().any(|health| is_its_own(&health));
+            if heard || (stalled && member.heard.is_some()) {
+                member.heard = Some(now);
+            }
+        }
+        for i in 0..self.members.len() {
+            let member = &mut self.members[i];
+            let Some(child) = &mut member.child else { continue };
+            let patience = match member.heard {
+                Some(_) => Duration::from_millis(member.schedule.frozen_ms),
+                None => BIRTH_TIME,
+            };
+            let silent = now - member.heard.unwrap_or(member.started);
+            if silent > patience {
+                // A process that is gone already is buried in a moment.
+                let _ = child.kill();
+                member.heard = Some(now);
+                let (name, silent_ms) = (member.schedule.name.get_ref().clone(), silent.as_millis());
+                self.say(Event::ERROR, format_args!("{name} gave no sign of life for {silent_ms} ms: killed"));
+            }
+        }
+    }
+
+    /// Stops what moves the vehicle, lets the rest record for a moment, and ends the run.
+    fn safe_mode(&mut self, why: &str) -> Result<()> {
+        self.say(Event::CRITICAL, format_args!("safe mode: {why}"));
+        for member in &mut self.members {
+            if MOVERS.contains(&member.schedule.name.get_ref().as_str()) {
+                member.stop();
+            }
+        }
+        std::thread::sleep(SAFE_MODE_TIME);
+        Err(miette!("{why}: the vehicle was brought to safe mode (valves shut, arm held by its links' own time-outs)"))
+    }
+
     fn bury(&mut self, i: usize, status: ExitStatus) -> Result<()> {
         let member = &mut self.members[i];
         let name = member.schedule.name.get_ref().clone();
@@ -143,6 +211,14 @@ impl<'a> Supervisor<'a> {
         }
         if !member.schedule.restart {
             return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' ended ({status})")));
+        }
+        member.stillborn = if member.started.elapsed() < STILLBORN { member.stillborn + 1 } else { 0 };
+        if member.stillborn >= STILLBORN_LIMIT && name != SPARED {
+            let why = format!("service '{name}' ended {STILLBORN_LIMIT} times in a row as soon as it was started");
+            return self.safe_mode(&why).wrap_err(said.trim_end().to_owned());
+        }
+        if member.started.elapsed() > WELL {
+            member.pause = FIRST_PAUSE;
         }
         member.restart_at = Some(Instant::now() + member.pause);
         let pause_ms = member.pause.as_millis();
@@ -181,6 +257,8 @@ impl Member {
             starts: 0,
             restart_at: None,
             pause: FIRST_PAUSE,
+            heard: None,
+            stillborn: 0,
         }
     }
 
@@ -189,6 +267,7 @@ impl Member {
         self.starts += 1;
         self.started = Instant::now();
         self.restart_at = None;
+        self.heard = None;
         let program = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program's own file")?;
         let mut command = Command::new(program);
         if name == "lab" {

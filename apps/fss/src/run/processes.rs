@@ -5,14 +5,15 @@ use super::stack::Stack;
 use super::{LOG_FILE, stop_on_signal};
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
+use fss_bus::health::{Monitor, REPORT_PERIOD_NS};
 use fss_bus::launch::{Launch, Schedule};
-use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, process, realtime};
+use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Time, process, realtime};
 use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
-use fss_lab::process::{Addresses, Process};
+use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
-use fss_messages::{MAX_LINKS, topic};
+use fss_messages::{MAX_LINKS, TruthState, topic};
 use fss_mission::{Mission, MissionConfig, MissionService};
 use fss_plant::Physics;
 use fss_recorder::{Limits, Recorder};
@@ -226,13 +227,27 @@ pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
     };
     let mut laboratory = Process::open(&site.stack.plant, config, &addresses).into_diagnostic()?;
     let mut truth = Output::open(&site.bus, topic::TRUTH_STATE).into_diagnostic()?;
-    realtime::enter(&schedule);
-    laboratory
-        .run(&site.stop, |state| {
-            truth.publish(*state);
-            truth.flush(fss_bus::Time::from_ns(state.stamp_ns));
-        })
-        .into_diagnostic()
+    let mut health = Output::open(&site.bus, topic::HEALTH).into_diagnostic()?;
+    let mut monitor = Monitor::new("lab", *schedule.rate_hz.get_ref(), site.starts).into_diagnostic()?;
+    let granted = realtime::enter(&schedule);
+    monitor.set_privileges(granted.real_time, granted.memory_locked);
+    let (deadline_ns, mut next_report_ns) = (schedule.deadline_ns(), 0);
+    let tell_truth = |state: &TruthState| {
+        truth.publish(*state);
+        truth.flush(Time::from_ns(state.stamp_ns));
+    };
+    let report = |step: &Stepped| {
+        let Stepped { boundary, woken, done, skipped } = *step;
+        let overrun = done > boundary.plus_ns(deadline_ns);
+        monitor.count_step(woken.age_ns(boundary.ns()), done.age_ns(woken.ns()), overrun, 0);
+        monitor.count_skipped(skipped);
+        if done.ns() >= next_report_ns {
+            next_report_ns = done.ns() + REPORT_PERIOD_NS;
+            health.publish(monitor.report(done));
+            health.flush(done);
+        }
+    };
+    laboratory.run(&site.stop, tell_truth, report).into_diagnostic()
 }
 
 /// Where the laboratory starts for a mission.

@@ -40,6 +40,19 @@ pub struct Addresses {
     pub links: Vec<SocketAddr>,
 }
 
+/// How one step of the loop kept its time.
+#[derive(Debug, Clone, Copy)]
+pub struct Stepped {
+    /// When it should have begun.
+    pub boundary: Time,
+    /// When it began.
+    pub woken: Time,
+    /// When it ended.
+    pub done: Time,
+    /// Boundaries that passed meanwhile; the next step makes up for their physics.
+    pub skipped: u64,
+}
+
 /// A laboratory with its devices open.
 #[derive(Debug)]
 pub struct Process {
@@ -93,7 +106,7 @@ impl Process {
 
     /// Takes what came in, and lets the laboratory go on to `now`.
     pub fn step(&mut self, now: Time) {
-        if let Some(mask) = self.valve_line.poll() {
+        if let Some(mask) = self.valve_line.poll(now) {
             self.laboratory.set_valves(mask);
         }
         let laboratory = &mut self.laboratory;
@@ -108,11 +121,17 @@ impl Process {
         laboratory.step_to(now.ns(), &mut self.ports);
     }
 
-    /// Runs until `stop` is set, once a millisecond, and tells the truth 100 times a second.
+    /// Runs until `stop` is set, once a millisecond, and tells the truth 100 times a second; after each step it says how
+    /// the loop keeps its time.
     ///
     /// # Errors
     /// Where the system has no monotonic clock.
-    pub fn run(&mut self, stop: &AtomicBool, mut truth: impl FnMut(&TruthState)) -> Result<(), LabError> {
+    pub fn run(
+        &mut self,
+        stop: &AtomicBool,
+        mut truth: impl FnMut(&TruthState),
+        mut stepped: impl FnMut(&Stepped),
+    ) -> Result<(), LabError> {
         let mut boundary = realtime::now()?;
         while !stop.load(Ordering::Relaxed) {
             boundary = boundary.plus_ns(STEP_NS);
@@ -123,6 +142,9 @@ impl Process {
                 self.next_truth_ns = now.ns() - now.ns() % TRUTH_PERIOD_NS + TRUTH_PERIOD_NS;
                 truth(&self.laboratory.truth());
             }
+            let done = realtime::now()?;
+            let skipped = done.age_ns(boundary.ns()) / STEP_NS;
+            stepped(&Stepped { boundary, woken: now, done, skipped });
             // The physics has caught up with a late wake-up; the loop does not hurry after it.
             boundary = boundary.max(Time::from_ns(now.ns().saturating_sub(STEP_NS)));
         }

@@ -1,12 +1,20 @@
-//! The valve line: a Unix socket in place of a GPIO request.
+//! The valve line: a Unix socket in place of a GPIO request and the valve box behind it.
+//!
+//! The box has a watchdog of its own, as the real one must have: where the driver is alive but says nothing (its process
+//! is frozen), no pull-down helps. Together with the `thrusters` service's dead-man of 60 ms its [`WATCHDOG_NS`] shuts
+//! every valve within 100 ms of the last command.
 
 use crate::LabError;
+use fss_bus::Time;
 use fss_wire::valves::Decoder;
 use std::fs::{self, Permissions};
 use std::io::{self, ErrorKind, Read};
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
+
+/// Time after the last frame at which the valve box shuts all valves, ns: seven frames are missing then.
+const WATCHDOG_NS: u64 = 35_000_000;
 
 /// All valves shut: the state of lines that nobody drives.
 const SHUT: u16 = 0;
@@ -17,6 +25,8 @@ pub(super) struct ValveLine {
     listener: UnixListener,
     path: PathBuf,
     driver: Option<(UnixStream, Decoder)>,
+    /// The last frame and when it came.
+    last: (u16, Time),
 }
 
 impl ValveLine {
@@ -30,14 +40,26 @@ impl ValveLine {
             fs::remove_file(path).map_err(error("replacing an old valve line"))?;
         }
         let listener = UnixListener::bind(path).map_err(error("opening the valve line"))?;
-        let line = Self { listener, path: path.to_path_buf(), driver: None };
+        let line = Self { listener, path: path.to_path_buf(), driver: None, last: (SHUT, Time::default()) };
         line.listener.set_nonblocking(true).map_err(error("opening the valve line"))?;
         fs::set_permissions(path, Permissions::from_mode(0o600)).map_err(error("protecting the valve line"))?;
         Ok(line)
     }
 
-    /// The mask of the last frame since the last call; shut where the driver has gone; `None` without news.
-    pub(super) fn poll(&mut self) -> Option<u16> {
+    /// The mask of the last frame since the last call; shut where the driver has gone or is silent; `None` without news.
+    pub(super) fn poll(&mut self, now: Time) -> Option<u16> {
+        if let Some(mask) = self.news() {
+            self.last = (mask, now);
+            return Some(mask);
+        }
+        let (mask, at) = self.last;
+        (mask != SHUT && now.age_ns(at.ns()) > WATCHDOG_NS).then(|| {
+            self.last = (SHUT, now);
+            SHUT
+        })
+    }
+
+    fn news(&mut self) -> Option<u16> {
         let mut news = self.read();
         while let Ok((stream, _)) = self.listener.accept() {
             // Who comes while the lines are taken is sent away.
