@@ -1,5 +1,7 @@
 //! One-way latency of a sample between two threads on two cores, by every way that there is, in turns.
 
+#![allow(clippy::unnecessary_wraps)] // all ways are opened by one type of function; sockets can fail
+
 use super::distribution::{Distribution, Percentiles};
 use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime, remove_dead_nodes};
 use fss_messages::topic::Topic;
