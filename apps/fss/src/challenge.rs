@@ -9,6 +9,7 @@ mod hidden;
 mod play;
 mod score;
 mod story;
+mod survey;
 mod twins;
 
 use clap::Args;
@@ -92,6 +93,8 @@ struct ManyFile {
     gates: Vec<gates::Gate>,
 }
 
+/// Fewer seeds are told by their plain dose.
+const WORTH_A_SURVEY: usize = 10;
 const MANY_FORMAT: &str = "fss-challenge-table/1";
 
 fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
@@ -103,8 +106,12 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     {
         bar.set_style(style.progress_chars("=> "));
     }
+    let mut game = Game::new(args.plant.as_deref())?;
+    if left.len() >= WORTH_A_SURVEY {
+        game = game.surveyed()?;
+    }
+    bar.reset();
     bar.enable_steady_tick(Duration::from_secs(1));
-    let game = Game::new(args.plant.as_deref())?;
     let failures = Mutex::new(Vec::new());
     left.par_iter().for_each(|&seed| {
         let folder = args.out.as_ref().map(|out| out.join(format!("seed-{seed}")));

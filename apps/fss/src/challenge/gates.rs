@@ -1,6 +1,6 @@
 //! The table of the gates: how often the answers were right, over many seeds.
 
-use super::hidden::Kind;
+use super::hidden::{HiddenEffect, Kind};
 use super::play::Played;
 use super::score::VISIBLE_DOSE;
 use super::story;
@@ -71,8 +71,8 @@ fn wilson(hits: usize, n: usize) -> (f64, f64) {
 
 /// The table of the seeds that were played.
 pub fn table(played: &[&Played]) -> Vec<Gate> {
-    let dose = |p: &Played| p.hidden.effects.iter().map(|e| e.dose).fold(0.0, f64::max);
-    let least = |p: &Played| p.hidden.effects.iter().map(|e| e.dose).fold(f64::INFINITY, f64::min);
+    let dose = |p: &Played| p.hidden.effects.iter().map(HiddenEffect::clear_dose).fold(0.0, f64::max);
+    let least = |p: &Played| p.hidden.effects.iter().map(HiddenEffect::clear_dose).fold(f64::INFINITY, f64::min);
     let of = |kind: Kind| played.iter().copied().filter(move |p| p.hidden.kind == kind);
     let catalogued = || played.iter().copied().filter(|p| matches!(p.hidden.kind, Kind::One | Kind::Two));
     let clear_one = || of(Kind::One).filter(|p| dose(p) >= CLEAR_DOSE);
@@ -100,7 +100,9 @@ pub fn table(played: &[&Played]) -> Vec<Gate> {
         Gate::share("detected, d >= 2", clear_one().map(|p| p.score.detected), 0.97, 0.99),
         Gate::share(
             "right cause first, d >= 2, separable",
-            clear_one().filter(|p| p.hidden.is_separable).map(|p| p.score.first_is_right),
+            clear_one()
+                .filter(|p| p.hidden.effects.iter().all(|e| e.is_separable != Some(false)))
+                .map(|p| p.score.first_is_right),
             0.90,
             0.97,
         ),
@@ -171,7 +173,8 @@ pub fn print(played: &[&Played]) {
     let misses: Vec<&&Played> = played.iter().filter(|p| is_miss(p)).collect();
     println!("\n{} misses", misses.len());
     for p in misses {
-        let hidden: Vec<_> = p.hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.dose)).collect();
+        let hidden: Vec<_> =
+            p.hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.clear_dose())).collect();
         let said: Vec<_> =
             p.said.causes.iter().map(|c| format!("{} {:.0} %", c.record, c.probability * 100.0)).collect();
         let or = |list: Vec<String>, none: &str| if list.is_empty() { none.to_owned() } else { list.join(" and ") };
@@ -183,7 +186,7 @@ pub fn print(played: &[&Played]) {
 
 /// Whether the answer falls short of what could be asked for.
 fn is_miss(p: &Played) -> bool {
-    let dose = p.hidden.effects.iter().map(|e| e.dose).fold(0.0, f64::max);
+    let dose = p.hidden.effects.iter().map(HiddenEffect::clear_dose).fold(0.0, f64::max);
     p.score.named_wrongly > 0
         || match p.hidden.kind {
             _ if dose < VISIBLE_DOSE => p.score.detected,

@@ -3,6 +3,7 @@
 //! The laboratory differs from the plant file in everything that a real one differs in: its values are drawn within their
 //! uncertainty, its servos are tuned a little differently, its joints stick a little. That is no fault.
 
+use super::survey::Survey;
 use super::twins::{Baseline, Twins};
 use fss_plant::{Effect, Plant, effects};
 use miette::{IntoDiagnostic, Result};
@@ -112,8 +113,21 @@ pub struct HiddenEffect {
     pub record: Record,
     /// Values at which it would do nothing.
     pub nominal: BTreeMap<String, f64>,
-    /// RMS of what it does to the sensors, over noise and disturbance ([`Twins::dose`]).
+    /// RMS of what it does to the sensors, over noise and disturbance ([`Twins`]).
     pub dose: f64,
+    /// The same beyond what the plant's tolerances could do, where a survey was made ([`super::survey::Survey`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dose_beyond_tolerance: Option<f64>,
+    /// Whether these experiments can tell it from every other effect of the catalogue, where a survey was made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub is_separable: Option<bool>,
+}
+
+impl HiddenEffect {
+    /// The dose that counts: beyond tolerances, where that is known.
+    pub fn clear_dose(&self) -> f64 {
+        self.dose_beyond_tolerance.unwrap_or(self.dose)
+    }
 }
 
 /// The sealed envelope.
@@ -125,8 +139,6 @@ pub struct Envelope {
     pub seed: u64,
     /// How much is hidden.
     pub kind: Kind,
-    /// Whether these experiments can tell it from every other effect of the catalogue.
-    pub is_separable: bool,
     /// What is hidden.
     pub effects: Vec<HiddenEffect>,
 }
@@ -143,7 +155,7 @@ pub struct Secret {
 ///
 /// # Errors
 /// Where the plant and an effect make no mechanism.
-pub fn draw(seed: u64, plant: &Plant, twins: &Twins) -> Result<Secret> {
+pub fn draw(seed: u64, plant: &Plant, twins: &Twins, survey: Option<&Survey>) -> Result<Secret> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let room = laboratory(plant, &mut random);
     let lot: f64 = random.random();
@@ -165,14 +177,19 @@ pub fn draw(seed: u64, plant: &Plant, twins: &Twins) -> Result<Secret> {
     let mut effects = Vec::new();
     for (effect, dose) in &hidden {
         let nominal = effect.clone().nominal(plant);
+        let surveyed = survey.map(|survey| survey.of(effect, &room, twins, &baseline)).transpose()?;
+        let dose_beyond_tolerance = surveyed.as_ref().map(|s| s.dose);
+        let is_separable = surveyed.map(|s| s.is_separable);
         effects.push(HiddenEffect {
             record: Record::of(effect),
             nominal: Record::of(&nominal).parameters,
             dose: *dose,
+            dose_beyond_tolerance,
+            is_separable,
         });
     }
     let hidden: Vec<Effect> = hidden.into_iter().map(|(effect, _)| effect).collect();
-    let envelope = Envelope { format: "fss-challenge-envelope/1".to_owned(), seed, kind, is_separable: true, effects };
+    let envelope = Envelope { format: "fss-challenge-envelope/1".to_owned(), seed, kind, effects };
     Ok(Secret { envelope, laboratory: room.with_effects(&hidden) })
 }
 
@@ -214,6 +231,11 @@ impl Unit {
             return self.nominal.clone().with(&[(1000.0 / size.max(1e-9)).clamp(20.0, 1e5)]);
         }
         self.nominal.clone().with(&values)
+    }
+
+    /// The least size that is worth hiding: play makes a joint elastic, which shows however little there is of it.
+    fn smallest(&self) -> f64 {
+        if self.nominal.id() == "joint_backlash" { 0.2 } else { 1e-3 }
     }
 
     /// The size that brings a parameter to the largest departure that is allowed.
@@ -305,7 +327,7 @@ fn sized(unit: &Unit, room: &Plant, twins: &Twins, baseline: &Baseline, wanted: 
             return Ok((effect, shown.dose));
         }
         let towards = (wanted / shown.dose.max(1e-6)).clamp(0.01, 100.0);
-        let next = (size * if is_on_table { towards } else { towards.min(0.6) }).clamp(1e-4, largest);
+        let next = (size * if is_on_table { towards } else { towards.min(0.6) }).clamp(unit.smallest(), largest);
         if is_on_table && (next - size).abs() < 1e-3 * size {
             return Ok((effect, shown.dose));
         }

@@ -3,12 +3,14 @@
 use super::answer::{Answer, answer};
 use super::hidden::{Envelope, draw};
 use super::score::{Score, score};
+use super::survey::Survey;
 use super::twins::Twins;
 use crate::diagnose::log;
 use crate::run::fast;
 use crate::run::stack::Stack;
 use fss_identify::measured::Run;
 use fss_plant::Plant;
+use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -40,6 +42,7 @@ pub struct Game {
     plant: Plant,
     stacks: Vec<Stack>,
     twins: Twins,
+    survey: Option<Survey>,
 }
 
 impl Game {
@@ -55,7 +58,23 @@ impl Game {
         let logs = fly(&stacks[..EXPERIMENTS.len() - 1], &plant, 0, &folder.0)?;
         let flights = logs.iter().map(|path| log::commands(path, &plant)).collect::<Result<_>>()?;
         let twins = Twins::new(&plant, flights)?;
-        Ok(Self { plant, stacks, twins })
+        Ok(Self { plant, stacks, twins, survey: None })
+    }
+
+    /// The same with a survey of what the experiments can tell apart, which takes about a minute.
+    ///
+    /// # Errors
+    /// Where the plant is no mechanism.
+    pub fn surveyed(mut self) -> Result<Self> {
+        let bar = ProgressBar::new(Survey::size(&self.plant) as u64);
+        if let Ok(style) =
+            ProgressStyle::with_template("[{bar:40}] {pos} of {len} twin flights to survey the experiments")
+        {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        self.survey = Some(Survey::new(&self.plant, &self.twins, &|| bar.inc(1))?);
+        bar.finish_and_clear();
+        Ok(self)
     }
 
     /// Plays a seed; logs and envelope are left in `folder`, or nowhere. `say` hears what is going on.
@@ -64,7 +83,7 @@ impl Game {
     /// Where the seed's laboratory cannot be flown or the diagnosis fails.
     pub fn play(&self, seed: u64, folder: Option<&Path>, say: &(dyn Fn(&str) + Sync)) -> Result<Played> {
         say("sealing an envelope");
-        let secret = draw(seed, &self.plant, &self.twins)?;
+        let secret = draw(seed, &self.plant, &self.twins, self.survey.as_ref())?;
         let scratch = if folder.is_none() { Some(Scratch::new(&format!("seed-{seed}"))?) } else { None };
         let folder = folder.or(scratch.as_ref().map(|s| s.0.as_path())).unwrap_or(Path::new("."));
         make(folder)?;

@@ -81,7 +81,7 @@ fn compare(truth: &HiddenEffect, said: &Said, score: &mut Score) {
             continue;
         };
         // A shape (an anchor, a rest angle) has no size of its own to compare with.
-        if !is_size(name) {
+        if is_shape(name) {
             continue;
         }
         // Components are comparable where they share their unit.
@@ -101,6 +101,7 @@ fn compare(truth: &HiddenEffect, said: &Said, score: &mut Score) {
     }
 }
 
-fn is_size(name: &str) -> bool {
-    !matches!(name, "other_index" | "rest_rad" | "anchor_x_m" | "anchor_y_m" | "velocity_rad_s" | "cycles_per_rev")
+/// Whether a parameter only shapes an effect, whose size is another's matter.
+pub fn is_shape(name: &str) -> bool {
+    matches!(name, "other_index" | "rest_rad" | "anchor_x_m" | "anchor_y_m" | "velocity_rad_s" | "cycles_per_rev")
 }

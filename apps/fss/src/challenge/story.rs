@@ -48,7 +48,7 @@ pub fn tell(played: &Played, folder: &Path) {
 /// The judgement, in one sentence.
 pub fn verdict(played: &Played) -> String {
     let Played { hidden, score, .. } = played;
-    let is_visible = hidden.effects.iter().any(|e| e.dose >= VISIBLE_DOSE);
+    let is_visible = hidden.effects.iter().any(|e| e.clear_dose() >= VISIBLE_DOSE);
     let wrongly = match score.named_wrongly {
         0 => String::new(),
         n => format!(" It is sure of {n} that is not there."),

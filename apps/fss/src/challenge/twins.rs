@@ -34,6 +34,31 @@ struct Seen {
     farthest_m: f64,
 }
 
+/// What one laboratory shows beyond another: by channel, over time of all runs, over noise and disturbance.
+pub struct Difference {
+    channels: Vec<Vec<f64>>,
+    farthest_m: f64,
+}
+
+impl Difference {
+    /// All samples, channel after channel.
+    pub fn samples(&self) -> Vec<f64> {
+        self.channels.concat()
+    }
+
+    /// RMS of the channel that shows most, where `samples` are what is left of this difference.
+    pub fn dose_of(&self, samples: &[f64]) -> f64 {
+        let mut rest = samples;
+        let mut largest = 0.0_f64;
+        for channel in &self.channels {
+            let (own, others) = rest.split_at(channel.len().min(rest.len()));
+            largest = largest.max((own.iter().map(|d| d * d).sum::<f64>() / own.len().max(1) as f64).sqrt());
+            rest = others;
+        }
+        largest
+    }
+}
+
 /// What effects do.
 pub struct Shown {
     /// RMS of what they do to the sensors, over noise and disturbance.
@@ -64,8 +89,8 @@ impl Twins {
         twins.floor = vec![1.0; twins.noise.len()];
         let still = twins.baseline(plant)?;
         let airy = twins.play(&quiet(plant, true))?;
-        let air = twins.rms(&still, &airy);
-        twins.floor = air.iter().map(|rms| rms.hypot(1.0)).collect();
+        let rms = |air: &Vec<f64>| (air.iter().map(|d| d * d).sum::<f64>() / air.len().max(1) as f64).sqrt();
+        twins.floor = twins.compare(&still, &airy).channels.iter().map(|air| rms(air).hypot(1.0)).collect();
         Ok(twins)
     }
 
@@ -82,12 +107,16 @@ impl Twins {
     /// # Errors
     /// Where the effects make no mechanism.
     pub fn shown(&self, room: &Plant, baseline: &Baseline, effects: &[Effect]) -> Result<Shown> {
-        let seen = self.play(&quiet(&room.with_effects(effects), false))?;
-        let rms = self.rms(baseline, &seen);
-        Ok(Shown {
-            dose: rms.iter().zip(&self.floor).map(|(rms, floor)| rms / floor).fold(0.0, f64::max),
-            farthest_m: seen.iter().map(|seen| seen.farthest_m).fold(0.0, f64::max),
-        })
+        let difference = self.difference(&room.with_effects(effects), baseline)?;
+        Ok(Shown { dose: difference.dose_of(&difference.samples()), farthest_m: difference.farthest_m })
+    }
+
+    /// What `laboratory` shows beyond the baseline.
+    ///
+    /// # Errors
+    /// Where the laboratory is no mechanism.
+    pub fn difference(&self, laboratory: &Plant, baseline: &Baseline) -> Result<Difference> {
+        Ok(self.compare(baseline, &self.play(&quiet(laboratory, false))?))
     }
 
     fn play(&self, plant: &Plant) -> Result<Vec<Seen>> {
@@ -121,20 +150,22 @@ impl Twins {
         Ok(seen)
     }
 
-    /// RMS of the difference in each channel over its noise, initial states taken off.
-    fn rms(&self, baseline: &Baseline, seen: &[Seen]) -> Vec<f64> {
-        let mut sums = vec![(0.0, 0_usize); self.noise.len()];
+    /// The difference in each channel over noise and disturbance, initial states taken off.
+    fn compare(&self, baseline: &Baseline, seen: &[Seen]) -> Difference {
+        let mut all = Difference {
+            channels: vec![Vec::new(); self.noise.len()],
+            farthest_m: seen.iter().map(|seen| seen.farthest_m).fold(0.0, f64::max),
+        };
         for (without, with) in baseline.0.iter().zip(seen) {
             let mut differences: Vec<Vec<f64>> = (without.channels.iter().zip(&with.channels).zip(&self.noise))
                 .map(|((a, b), sd)| a.iter().zip(b).map(|(a, b)| (b - a) / sd).collect())
                 .collect();
             self.take_off_initial_states(&without.channels, &mut differences);
-            for ((sum, count), difference) in sums.iter_mut().zip(&differences) {
-                *sum += difference.iter().map(|d| d * d).sum::<f64>();
-                *count += difference.len();
+            for ((channel, difference), floor) in all.channels.iter_mut().zip(&differences).zip(&self.floor) {
+                channel.extend(difference.iter().map(|d| d / floor));
             }
         }
-        sums.iter().map(|(sum, count)| (sum / (*count).max(1) as f64).sqrt()).collect()
+        all
     }
 
     /// Fits a rigid shift, turn and drift to each window of base, end-effector and gyro, and takes it off.
@@ -160,18 +191,20 @@ impl Twins {
         }
     }
 
-    /// What a shift x, y, a turn about the base and their rates do to the fast channels at sample `k`, over the noise.
+    /// What another initial state does to the fast channels at sample `k`, over the noise: a shift x, y, a turn of all that
+    /// follows about where the base was, and their rates.
     fn rows(&self, seen: &[Vec<f64>], from: usize, k: usize) -> [Vector6<f64>; FAST_CHANNELS] {
         let t_s = (k - from) as f64 * SAMPLE_MS as f64 * 1e-3;
-        let (arm_x, arm_y) = (seen[3][k] - seen[0][k], seen[4][k] - seen[1][k]);
+        let (x, y) = (seen[0][from], seen[1][from]);
+        let (way_x, way_y, tip_x, tip_y) = (seen[0][k] - x, seen[1][k] - y, seen[3][k] - x, seen[4][k] - y);
         let row = |x: f64, y: f64, turn: f64, sd: f64| Vector6::new(x, y, turn, x * t_s, y * t_s, turn * t_s) / sd;
         let n = &self.noise;
         [
-            row(1.0, 0.0, 0.0, n[0]),
-            row(0.0, 1.0, 0.0, n[1]),
+            row(1.0, 0.0, -way_y, n[0]),
+            row(0.0, 1.0, way_x, n[1]),
             row(0.0, 0.0, 1.0, n[2]),
-            row(1.0, 0.0, -arm_y, n[3]),
-            row(0.0, 1.0, arm_x, n[4]),
+            row(1.0, 0.0, -tip_y, n[3]),
+            row(0.0, 1.0, tip_x, n[4]),
             row(0.0, 0.0, 1.0, n[5]),
             Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 1.0) / n[6],
         ]

@@ -1,0 +1,163 @@
+//! The game that the project plays against itself: hidden effects, experiments, logs, answers.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use fss_messages::{MissionState, MocapPose, TruthState, topic};
+use fss_records::log::Log;
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn fss(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap()
+}
+
+#[track_caller]
+fn succeed(args: &[&str]) -> String {
+    let output = fss(args);
+    assert!(output.status.success(), "fss {args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Runs a command that must fail with an error that says all of `words`.
+#[track_caller]
+fn refused(args: &[&str], words: &[&str]) {
+    let output = fss(args);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success(), "fss {args:?} should be refused");
+    let flat: String = said.chars().filter(|c| !c.is_whitespace() && !"│╭╰─·".contains(*c)).collect();
+    for word in words {
+        let word: String = word.chars().filter(|c| !c.is_whitespace()).collect();
+        assert!(flat.contains(&word), "fss {args:?} should say '{word}':\n{said}");
+    }
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+const EXPERIMENTS: [&str; 6] = ["coast", "single-joint", "excitation", "thrusters", "mixed", "validation"];
+
+/// Flies an experiment against the laboratory of the plant file; gives its log's folder.
+fn fly(name: &str, folder: &Path) -> String {
+    let out = folder.join(name);
+    let out = out.to_str().unwrap();
+    succeed(&["run", &format!("experiment-{name}"), "--fast", "--quiet", "--out", out]);
+    out.to_owned()
+}
+
+#[test]
+fn the_experiments_excite_the_vehicle_and_stay_on_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in EXPERIMENTS {
+        let log = Log::open(&Path::new(&fly(name, folder.path())).join("run.mcap")).unwrap();
+        let last = log.samples::<MissionState>(topic::MISSION_STATE.name).unwrap().pop().unwrap();
+        assert_eq!(last.state, MissionState::DONE, "{name}");
+        let truth = log.samples::<TruthState>(topic::TRUTH_STATE.name).unwrap();
+        let farthest = truth.iter().map(|t| t.x_m.abs().max(t.y_m.abs())).fold(0.0, f64::max);
+        assert!(farthest < 2.0, "{name}: the base comes {farthest} m from the middle");
+        let spread = |f: &dyn Fn(&TruthState) -> f64| {
+            truth.iter().map(f).fold(f64::MIN, f64::max) - truth.iter().map(f).fold(f64::MAX, f64::min)
+        };
+        let moves = |i: usize| spread(&|t: &TruthState| t.q_rad[i]);
+        let opens = |i: usize| truth.iter().any(|t| t.thrust_n[i] > 0.1);
+        let has_arm = !matches!(name, "coast" | "thrusters");
+        let has_valves = !matches!(name, "single-joint" | "excitation");
+        for joint in 0..4 {
+            assert_eq!(moves(joint) > 0.3, has_arm, "{name}: joint {joint} moves {} rad", moves(joint));
+        }
+        assert_eq!((0..8).any(opens), has_valves, "{name}");
+        assert!(name != "thrusters" || (0..8).all(opens), "every thruster is tried");
+        assert!(name != "coast" || spread(&|t| t.y_m) > 0.5, "the coast leads somewhere");
+    }
+}
+
+#[test]
+fn a_log_of_the_nominal_laboratory_and_what_the_plant_file_says_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let runs: Vec<String> = ["coast", "thrusters"].iter().map(|name| fly(name, folder.path())).collect();
+    let plant = folder.path().join("coast/plant.toml");
+    let out = folder.path().join("out");
+    // One by its folder, one by its file.
+    let log = format!("{}/run.mcap", runs[1]);
+    succeed(&["diagnose", &runs[0], &log, "--plant", plant.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let answer = json(&out.join("diagnosis.json"));
+    assert_eq!(answer["verdict"], "consistent", "{answer}");
+    assert_eq!(answer["causes"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_file_that_is_no_log_of_a_run_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let plant = write("plant.toml", include_bytes!("../deploy/etc/plants/fss.toml"));
+    let out = folder.path().join("out");
+    let diagnose = |run: &str, plant: &str, words: &[&str]| {
+        refused(&["diagnose", run, "--plant", plant, "--out", out.to_str().unwrap()], words);
+    };
+    diagnose(&write("notes.txt", b"no log at all"), &plant, &["notes.txt"]);
+    diagnose(folder.path().join("nowhere").to_str().unwrap(), &plant, &["nowhere", "neither a folder nor a log"]);
+    let run = fly("coast", folder.path());
+    let whole = include_str!("../deploy/etc/plants/fss.toml");
+    let first_link = whole.find("# Links, from the base outwards.").unwrap();
+    let bare = write("bare.toml", &whole.as_bytes()[..first_link]);
+    diagnose(&run, &bare, &["run.mcap", "/links/state has 4 links", "0 [[link]] tables"]);
+}
+
+#[test]
+fn a_log_without_motion_capture_is_refused_with_the_topics_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.mcap");
+    fss_records::log::LogWriter::create(&path).unwrap().finish().unwrap();
+    let plant = folder.path().join("plant.toml");
+    std::fs::write(&plant, include_str!("../deploy/etc/plants/fss.toml")).unwrap();
+    let out = folder.path().join("out");
+    let args = ["diagnose", path.to_str().unwrap(), "--plant", plant.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    refused(&args, &["empty.mcap", topic::MOCAP_BASE.name]);
+}
+
+#[test]
+fn one_seed_is_one_game_and_its_logs_do_not_tell_the_secret() {
+    let folder = tempfile::tempdir().unwrap();
+    let play = |name: &str, seed: &str| {
+        let (out, file) = (folder.path().join(name), folder.path().join(format!("{name}.json")));
+        let story =
+            succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
+        assert!(story.contains("The diagnosis says") && story.contains("The envelope"), "{story}");
+        json(&file)
+    };
+    let (first, second) = (play("a", "2"), play("b", "2"));
+    assert_eq!(first["format"], "fss-challenge/1");
+    assert_eq!(first["hidden"], second["hidden"]);
+    assert_eq!(first["said"]["verdict"], second["said"]["verdict"]);
+    assert_eq!(json(&folder.path().join("a/sealed.json")), first["hidden"], "sealed before it was opened");
+    let hidden = first["hidden"]["effects"][0]["effect"].as_str().expect("seed 2 hides something");
+    for name in EXPERIMENTS {
+        let path = folder.path().join(format!("a/experiment-{name}/run.mcap"));
+        let log = Log::open(&path).unwrap();
+        let plant = log.attachment("plant.toml").unwrap().expect("the plant file");
+        assert!(!plant.contains("[[effect]]\nid"), "{name} tells of {hidden}");
+        assert!(log.samples::<MocapPose>(topic::MOCAP_BASE.name).unwrap().len() > 3900, "{name}");
+    }
+}
+
+#[test]
+fn many_seeds_make_a_table_that_can_be_taken_up_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("table.json");
+    let file = file.to_str().unwrap();
+    let table = succeed(&["challenge", "--seeds", "3..5", "--json", file]);
+    assert!(table.contains("2 seeds") && table.contains("false alarms where nothing is hidden"), "{table}");
+    let first = json(Path::new(file));
+    assert_eq!(first["format"], "fss-challenge-table/1");
+    assert_eq!(first["seeds"].as_array().unwrap().len(), 2);
+    assert_eq!(first["gates"].as_array().unwrap().len(), 12);
+    succeed(&["challenge", "--seeds", "3..5", "--json", file, "--resume"]);
+    assert_eq!(json(Path::new(file))["seeds"], first["seeds"], "nothing is played twice");
+    refused(&["challenge", "--seeds", "5..5"], &["holds no seed"]);
+    refused(&["challenge", "--seeds", "five"], &["1..300"]);
+}
