@@ -5,6 +5,7 @@ mod bench;
 mod challenge;
 mod diagnose;
 mod files;
+mod host;
 mod log;
 mod run;
 
@@ -26,6 +27,8 @@ enum Command {
     Service(run::ServiceArgs),
     /// Run the simulated laboratory alone.
     Lab(run::LabArgs),
+    /// Fly for long in real time, with random faults, kills and freezes, and report what went wrong.
+    Soak(run::SoakArgs),
     /// Show where the simulation of a plant differs from measured runs.
     Diagnose(diagnose::DiagnoseArgs),
     /// Hide an effect, fly experiments against it, diagnose their logs, and score the answer.
@@ -33,6 +36,9 @@ enum Command {
     /// Measure how fast this build is on this machine.
     #[command(subcommand)]
     Bench(bench::BenchCommand),
+    /// Look at the computer that shall fly.
+    #[command(subcommand)]
+    Host(host::HostCommand),
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
@@ -47,8 +53,10 @@ fn main() -> miette::Result<()> {
         Command::Run(args) => run::run(&args),
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
+        Command::Soak(args) => run::soak(&args),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Challenge(args) => challenge::run(&args),
+        Command::Host(command) => host::run(&command),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
     }

@@ -1,11 +1,11 @@
 //! A lossy, slow, disorderly way for bytes between a device and the computer.
 
 use crate::random::Random;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What a network or a line does to what goes over it; the default does nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Network {
     /// Share of messages that vanish.

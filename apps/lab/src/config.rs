@@ -4,7 +4,7 @@ use crate::devices::camera::OBJECTS;
 use crate::{LabError, Network};
 use fss_plant::{MAX_LINKS, Plant};
 use fss_wire::link::Key;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Where everything is when the run starts. Joints beyond those given are at zero.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -22,7 +22,7 @@ pub struct Start {
 /// A fault of a device and when it is there. Faults of the plant itself (a stuck valve, a leak) are its effects.
 ///
 /// In a file: `{ from_s = 5, to_s = 6, kind = "vicon_silent" }`, or `kind = { link_dead = { link = 2 } }`.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
     /// Start, from the start of the run (s).
@@ -34,7 +34,7 @@ pub struct Fault {
 }
 
 /// What can be wrong with a device. Links count from 1.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FaultKind {
     /// Motion capture sends nothing.
@@ -78,6 +78,23 @@ pub enum FaultKind {
     TorqueSaturated {
         /// The link.
         link: usize,
+    },
+    /// A link's own clock is wrong by this much.
+    LinkClockStep {
+        /// The link.
+        link: usize,
+        /// Late where positive (s).
+        step_s: f64,
+    },
+    /// A valve does not open, whatever its line says. (A weak one is the plant's `thruster_gain`.)
+    ValveStuckShut {
+        /// The thruster, from 1.
+        thruster: usize,
+    },
+    /// A valve does not shut, whatever its line says.
+    ValveStuckOpen {
+        /// The thruster, from 1.
+        thruster: usize,
     },
 }
 
@@ -144,6 +161,12 @@ impl LabConfig {
             {
                 return refuse(format!("{:?}: links are 1 to {links}", fault.kind));
             }
+            let thrusters = plant.thrusters.len();
+            if let Some(thruster) = fault.kind.thruster()
+                && !(1..=thrusters).contains(&thruster)
+            {
+                return refuse(format!("{:?}: thrusters are 1 to {thrusters}", fault.kind));
+            }
             if let Some(object) = fault.kind.object()
                 && !OBJECTS.contains(&object)
             {
@@ -160,7 +183,15 @@ impl FaultKind {
             Self::LinkDead { link }
             | Self::DriverFault { link }
             | Self::EncoderStuck { link }
-            | Self::TorqueSaturated { link } => Some(*link),
+            | Self::TorqueSaturated { link }
+            | Self::LinkClockStep { link, .. } => Some(*link),
+            _ => None,
+        }
+    }
+
+    fn thruster(&self) -> Option<usize> {
+        match self {
+            Self::ValveStuckShut { thruster } | Self::ValveStuckOpen { thruster } => Some(*thruster),
             _ => None,
         }
     }
@@ -188,6 +219,24 @@ impl<'a> ActiveFaults<'a> {
     pub(crate) fn kinds(self) -> impl Iterator<Item = &'a FaultKind> {
         let active = move |fault: &&Fault| (fault.from_s..fault.to_s).contains(&self.t_s);
         self.faults.iter().filter(active).map(|fault| &fault.kind)
+    }
+
+    /// By how much a link's own clock is late (s).
+    pub(crate) fn clock_step_s(self, link: usize) -> f64 {
+        let step = |kind: &FaultKind| match kind {
+            FaultKind::LinkClockStep { link: l, step_s } if *l == link => *step_s,
+            _ => 0.0,
+        };
+        self.kinds().map(step).sum()
+    }
+
+    /// Which valves are open when the lines say `mask`.
+    pub(crate) fn valves(self, mask: u16) -> u16 {
+        self.kinds().fold(mask, |mask, kind| match kind {
+            FaultKind::ValveStuckShut { thruster } => mask & !(1 << (thruster - 1)),
+            FaultKind::ValveStuckOpen { thruster } => mask | 1 << (thruster - 1),
+            _ => mask,
+        })
     }
 
     pub(crate) fn has(self, kind: &FaultKind) -> bool {

@@ -48,6 +48,8 @@ pub struct Laboratory {
     start_ns: u64,
     now_ns: u64,
     valves: u16,
+    /// Valves that are open: as the lines say, but for faults.
+    open: u16,
     camera: Camera,
     camera_latency_ns: u64,
     link_latency_ns: u64,
@@ -87,6 +89,7 @@ impl Laboratory {
             start_ns,
             now_ns: start_ns,
             valves: 0,
+            open: 0,
             traffic: Traffic::default(),
         })
     }
@@ -114,8 +117,18 @@ impl Laboratory {
     /// Sets all valve lines now; bit 0 is thruster 1.
     pub fn set_valves(&mut self, mask: u16) {
         self.valves = mask;
+        self.move_valves();
+    }
+
+    /// Opens and shuts what the lines and the faults say.
+    fn move_valves(&mut self) {
+        let open = ActiveFaults::at(&self.config.faults, self.elapsed_s()).valves(self.valves);
+        if open == self.open {
+            return;
+        }
+        self.open = open;
         for line in 0..self.simulation.physics().thrusters.len() {
-            self.simulation.set_valve(line, mask >> line & 1 == 1, self.simulation.t_s());
+            self.simulation.set_valve(line, open >> line & 1 == 1, self.simulation.t_s());
         }
     }
 
@@ -134,6 +147,7 @@ impl Laboratory {
     /// Lets time pass until `time_ns` and hands over what the devices send meanwhile.
     pub fn step_to(&mut self, time_ns: u64, outputs: &mut dyn DeviceOutputs) {
         while self.now_ns + STEP_NS <= time_ns {
+            self.move_valves();
             self.drive_links();
             self.simulation.step(STEP_NS as f64 * 1e-9);
             self.now_ns += STEP_NS;
@@ -183,9 +197,10 @@ impl Laboratory {
         if let Some(line) = self.gyro.sample(now_ns, &self.simulation, &mut self.instruments, faults) {
             self.gyro_channel.send(now_ns, gyro::transfer_ns(&line), (), line.as_bytes());
         }
-        for (link, down) in self.links.iter_mut().zip(&mut self.down) {
+        for ((link, down), number) in self.links.iter_mut().zip(&mut self.down).zip(1..) {
+            let own_start_ns = self.start_ns.saturating_add_signed((faults.clock_step_s(number) * 1e9) as i64);
             if let Some((to, datagram)) =
-                link.sample(now_ns, self.start_ns, &self.simulation, &mut self.instruments, faults)
+                link.sample(now_ns, own_start_ns, &self.simulation, &mut self.instruments, faults)
             {
                 down.send(now_ns, self.link_latency_ns, to, &datagram);
             }

@@ -33,8 +33,11 @@ pub struct Devices {
     pub vicon: SocketAddr,
     /// The gyro's serial port.
     pub gyro: PathBuf,
-    /// The valve line: a Unix socket of the simulated laboratory.
+    /// The valve line: a Unix socket of the simulated laboratory, or a GPIO chip where `valve_lines` is given.
     pub valves: PathBuf,
+    /// The lines of the GPIO chip, thruster 1 first.
+    #[serde(default)]
+    pub valve_lines: Option<Vec<u32>>,
     /// UDP address from which `links` speaks.
     pub links_local: SocketAddr,
     /// UDP address of each link, joint 1 first.

@@ -14,7 +14,10 @@ pub(crate) struct Block {
 
 impl Block {
     pub(crate) fn new() -> Self {
-        Self { bytes: Vec::with_capacity(BLOCK_BYTES), samples: 0 }
+        // Touched once here, so that memory does not grow as blocks come into use.
+        let mut bytes = vec![u8::MAX; BLOCK_BYTES];
+        bytes.clear();
+        Self { bytes, samples: 0 }
     }
 
     /// Appends a sample; false where it does not fit.

@@ -162,6 +162,7 @@ impl VirtualLaboratory {
     fn new(stack: &Stack, plant: &Plant, bus: &Bus, seed: u64) -> Result<Self> {
         let mut config = LabConfig::new(seed, key_of(seed)?);
         config.start = start_of(&stack.mission);
+        stack.faults.apply_to(&mut config);
         let wires = Wires {
             names: ObjectNames::default(),
             vicon: queue(bus, VICON_QUEUE)?,

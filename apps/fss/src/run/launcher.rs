@@ -5,6 +5,7 @@ use fss_bus::launch::Schedule;
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, MissionState, text_of, topic};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
@@ -61,6 +62,8 @@ pub struct Site {
     pub bus_prefix: String,
     /// Seed of the simulated laboratory.
     pub seed: u64,
+    /// The processes that live, by their services' names.
+    pub processes: Arc<Mutex<BTreeMap<String, u32>>>,
 }
 
 /// One supervised process.
@@ -148,6 +151,9 @@ impl<'a> Supervisor<'a> {
         self.listen();
         for i in 0..self.members.len() {
             if let Some(status) = self.members[i].ended().into_diagnostic()? {
+                let name = self.members[i].schedule.name.get_ref();
+                // Its number may be another process's soon.
+                self.site.processes.lock().unwrap_or_else(PoisonError::into_inner).remove(name);
                 self.bury(i, status)?;
             }
             let member = &mut self.members[i];
@@ -299,6 +305,7 @@ impl Member {
                 }
             });
         }
+        site.processes.lock().unwrap_or_else(PoisonError::into_inner).insert(name.clone(), child.id());
         self.child = Some(child);
         Ok(())
     }

@@ -4,14 +4,20 @@ pub mod fast;
 mod launcher;
 mod picture;
 mod processes;
+mod soak;
 pub mod stack;
 mod summary;
+mod witness;
 
+use crate::files::TextFile;
 use clap::Args;
+use fss_bus::launch::Launch;
+use fss_lab::Faults;
 use fss_messages::MissionState;
 use fss_records::log::Log;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+pub use soak::SoakArgs;
 use stack::Stack;
 use std::fs::File;
 use std::io::{Read, Write};
@@ -41,6 +47,12 @@ pub struct RunArgs {
     /// Seed of everything random in the laboratory.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// File of what goes wrong in the simulated laboratory: networks, sensors, links, valves.
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
+    /// Draw faults of every kind from this seed.
+    #[arg(long, value_name = "SEED", conflicts_with = "faults")]
+    fault_seed: Option<u64>,
     /// Show no progress.
     #[arg(long)]
     quiet: bool,
@@ -82,12 +94,19 @@ pub struct SiteArgs {
     supervised: bool,
 }
 
+/// Mean time between two faults that a seed draws, s.
+const FAULT_EVERY_S: f64 = 4.0;
 /// The log's name in a run's folder.
 const LOG_FILE: &str = "run.mcap";
 
 /// Flies a mission and says what happened.
 pub fn run(args: &RunArgs) -> Result<()> {
-    let stack = Stack::load(args.launch.as_deref(), args.plant.as_deref(), &args.mission)?;
+    let mut stack = Stack::load(args.launch.as_deref(), args.plant.as_deref(), &args.mission)?;
+    if let Some(path) = &args.faults {
+        stack = stack.with_faults(&TextFile::read(path, "fault file")?)?;
+    } else if let Some(seed) = args.fault_seed {
+        stack.faults = Faults::random(seed, stack.mission.duration_s(), FAULT_EVERY_S, &stack.plant);
+    }
     let folder = args.out.clone().unwrap_or_else(|| unused_folder(&stack.mission_name));
     std::fs::create_dir_all(&folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))?;
     let folder = folder.canonicalize().into_diagnostic()?;
@@ -102,6 +121,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
             bus_prefix: format!("fss_{}_", std::process::id()),
             folder: folder.clone(),
             seed: args.seed,
+            processes: Arc::default(),
         };
         make_link_key(&stack, &folder)?;
         let stop = stop_on_signal()?;
@@ -130,6 +150,16 @@ pub fn run(args: &RunArgs) -> Result<()> {
         return Err(miette!("the mission was aborted; the events above and `fss log info` say why"));
     }
     Ok(())
+}
+
+/// A launch file; the laboratory's where none is named.
+pub fn launch_of(path: Option<&Path>) -> Result<Launch> {
+    Stack::load(path, None, "hold").map(|stack| stack.launch)
+}
+
+/// Flies for long, with faults and deaths.
+pub fn soak(args: &SoakArgs) -> Result<()> {
+    soak::run(args)
 }
 
 /// Runs one service as a process.

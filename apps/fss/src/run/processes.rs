@@ -19,7 +19,7 @@ use fss_plant::Physics;
 use fss_recorder::{Limits, Recorder};
 use fss_records::log::{LogError, LogWriter};
 use fss_thrusters::Thrusters;
-use fss_thrusters::device::{Driver, LaboratoryLine, Valves};
+use fss_thrusters::device::{Driver, GpioLines, LaboratoryLine, Valves};
 use fss_wire::link::{Key, first_sequence};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::collections::BTreeMap;
@@ -202,12 +202,22 @@ fn links(site: &Site) -> Result<()> {
 
 fn thrusters(site: &Site) -> Result<()> {
     let path = &site.launch.devices.valves;
+    if let Some(offsets) = &site.launch.devices.valve_lines {
+        let lines = GpioLines::open(path, offsets)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("valves: cannot take the lines of {} ([devices] valves)", path.display()))?;
+        return drive(site, lines);
+    }
     let mut line = LaboratoryLine::new(path);
     wait_for_device(path, || line.set(0).into_diagnostic())
         .wrap_err_with(|| format!("valves: cannot open {} ([devices] valves)", path.display()))?;
+    drive(site, line)
+}
+
+fn drive(site: &Site, valves: impl Valves) -> Result<()> {
     // The valve line is this service's device: it is written in the loop, so that nothing stands between step and valve.
     // A write that fails shuts the valves on the other side; the next step connects anew.
-    let mut driver = Driver::new(line, &site.bus).into_diagnostic()?;
+    let mut driver = Driver::new(valves, &site.bus).into_diagnostic()?;
     site.fly(Thrusters::new(site.stack.plant.thrusters.len()), || driver.apply())?;
     driver.shut().into_diagnostic().wrap_err("valves: cannot shut them at the end; a closed line shuts them")
 }
@@ -218,6 +228,7 @@ pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
     let schedule = site.schedule("lab")?;
     let mut config = LabConfig::new(seed, site.link_key()?);
     config.start = start_of(&site.stack.mission);
+    site.stack.faults.apply_to(&mut config);
     let devices = &site.launch.devices;
     let addresses = Addresses {
         vicon: devices.vicon,

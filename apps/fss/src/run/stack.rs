@@ -2,8 +2,10 @@
 
 use crate::files::TextFile;
 use fss_bus::launch::Launch;
+use fss_lab::{Faults, LabConfig};
 use fss_mission::Mission;
 use fss_plant::Plant;
+use fss_wire::link::Key;
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::path::{Path, PathBuf};
 
@@ -31,6 +33,7 @@ const DEFAULT_PLANT: &str = include_str!("../../../../deploy/etc/plants/fss.toml
 const LAUNCH_FILE: &str = "launch.toml";
 const PLANT_FILE: &str = "plant.toml";
 const MISSION_FILE: &str = "mission.toml";
+const FAULTS_FILE: &str = "faults.toml";
 
 /// A stack's files and what they say.
 pub struct Stack {
@@ -40,6 +43,8 @@ pub struct Stack {
     pub plant: Plant,
     /// What to fly.
     pub mission: Mission,
+    /// What goes wrong in the simulated laboratory; nothing where absent.
+    pub faults: Faults,
     /// The mission's short name.
     pub mission_name: String,
     /// The launch file's text.
@@ -68,12 +73,31 @@ impl Stack {
     /// Names the file, the line and what to do.
     pub fn in_folder(folder: &Path) -> Result<Self> {
         let read = |name: &str, what| TextFile::read(&folder.join(name), what);
-        Self::parse(
+        let stack = Self::parse(
             &read(LAUNCH_FILE, "launch file")?,
             &read(PLANT_FILE, "plant file")?,
             &read(MISSION_FILE, "mission file")?,
             String::new(),
-        )
+        )?;
+        let faults = folder.join(FAULTS_FILE);
+        if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?) } else { Ok(stack) }
+    }
+
+    /// The same with what a fault file says.
+    ///
+    /// # Errors
+    /// Names the file, the line and what to do.
+    pub fn with_faults(self, file: &TextFile) -> Result<Self> {
+        let faults: Faults = toml::from_str(&file.text).map_err(|e| {
+            let help =
+                "a fault file has [network.NAME] tables and [[fault]] tables with from_s, to_s and kind".to_owned();
+            file.error(e.message().to_owned(), help, e.span())
+        })?;
+        let key = Key::new(&[1; 32]).into_diagnostic()?;
+        faults
+            .check(&self.plant, &LabConfig::new(0, key))
+            .map_err(|e| file.error(e.to_string(), String::new(), None))?;
+        Ok(Self { faults, ..self })
     }
 
     fn parse(
@@ -101,6 +125,7 @@ impl Stack {
             launch,
             plant,
             mission,
+            faults: Faults::default(),
             mission_name,
             launch_text: launch_file.text.clone(),
             plant_text: plant_file.text.clone(),
@@ -113,9 +138,14 @@ impl Stack {
     /// # Errors
     /// Where the folder refuses.
     pub fn write_to(&self, folder: &Path) -> Result<()> {
-        for (name, text) in
-            [(LAUNCH_FILE, &self.launch_text), (PLANT_FILE, &self.plant_text), (MISSION_FILE, &self.mission_text)]
-        {
+        let faults = toml::to_string(&self.faults).into_diagnostic()?;
+        let files = [
+            (LAUNCH_FILE, &self.launch_text),
+            (PLANT_FILE, &self.plant_text),
+            (MISSION_FILE, &self.mission_text),
+            (FAULTS_FILE, &faults),
+        ];
+        for (name, text) in files {
             let path = folder.join(name);
             std::fs::write(&path, text)
                 .into_diagnostic()

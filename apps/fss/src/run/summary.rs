@@ -133,6 +133,12 @@ impl Records {
         &self.truth[self.truth.partition_point(|t| t.stamp_ns < start.stamp_ns)..]
     }
 
+    /// RMS of navigation's position against truth where navigation does not call itself lost, and of how many states.
+    pub fn navigation_rms_m(&self) -> Option<(f64, f64)> {
+        let trusted: Vec<NavState> = self.nav.iter().copied().filter(|n| n.mode != NavState::LOST).collect();
+        navigation(&trusted, &self.truth).map(|n| (n.position_rms_m, trusted.len() as f64))
+    }
+
     /// What the arm was told.
     pub fn arm(&self) -> &[ArmCommand] {
         &self.arm
