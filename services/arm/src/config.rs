@@ -66,12 +66,12 @@ pub struct ArmConfig {
 }
 
 impl ArmConfig {
-    /// For the nominal vehicle of a plant file.
+    /// For the vehicle of a plant file, with the effects that it has from the start.
     ///
     /// # Errors
     /// Where the plant is no mechanism that can move.
     pub fn new(plant: &Plant) -> Result<Self, ModelError> {
-        let physics = Physics::nominal(plant);
+        let physics = Physics::at(plant, 0.0);
         let joints = || plant.links.iter().enumerate().take(MAX_LINKS);
         let mut limit_rad = JointVector::zeros();
         let mut max_rate_rad_s = JointVector::zeros();

@@ -13,7 +13,7 @@ use allocation::{Allocator, Wrench};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, NavState, ThrustersCommand, topic};
 use fss_multibody::{Model, State};
-use fss_plant::Plant;
+use fss_plant::{Physics, Plant};
 use guidance::Leg;
 use modulation::Modulator;
 use std::f64::consts::TAU;
@@ -76,11 +76,11 @@ pub struct BaseConfig {
 }
 
 impl BaseConfig {
-    /// For a plant, stepped `rate_hz` times a second.
+    /// For a plant with the effects that it has from the start, stepped `rate_hz` times a second.
     pub fn from_plant(plant: &Plant, model: Model, rate_hz: f64) -> Self {
         Self {
             model,
-            thruster_wrenches: (0..plant.thrusters.len()).map(|i| plant.thruster_wrench(i)).collect(),
+            thruster_wrenches: wrenches(&Physics::at(plant, 0.0)),
             shortest_pulse_s: plant.valves.min_on_s.max(SHORTEST_PULSE_S),
             period_s: 1.0 / rate_hz,
             bandwidth_rad_s: 0.45,
@@ -95,6 +95,18 @@ impl BaseConfig {
         let (sin, cos) = state.q[2].sin_cos();
         [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
     }
+}
+
+/// What each valve line does to the base.
+fn wrenches(physics: &Physics) -> Vec<Wrench> {
+    let mut wrenches = vec![[0.0; 3]; physics.thrusters.len()];
+    for thruster in &physics.thrusters {
+        let ([x, y], (sin, cos)) = (thruster.position_m, thruster.direction_rad.sin_cos());
+        if let Some(wrench) = wrenches.get_mut(thruster.line) {
+            *wrench = [cos, sin, x * sin - y * cos].map(|share| share * thruster.thrust_n);
+        }
+    }
+    wrenches
 }
 
 /// The leg that is flown, and what of the mission it was made for.

@@ -13,7 +13,7 @@ use fss_lab::{DeviceOutputs, LabConfig, Laboratory};
 use fss_links::{COMMAND_QUEUE, CommandDatagram, LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MissionState, TruthState, topic};
 use fss_mission::{MissionConfig, MissionService};
-use fss_plant::{Physics, Plant};
+use fss_plant::Plant;
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
 use fss_thrusters::{Thrusters, VALVES_QUEUE};
@@ -119,7 +119,7 @@ fn add(
         "links" => member!(LinksService::new(LinksConfig::new(plant), key_of(seed)?, 1)),
         "arm" => member!(ArmService::new(ArmConfig::new(plant).into_diagnostic()?)),
         "base" => {
-            let model = Physics::nominal(plant).model(0.0).into_diagnostic()?;
+            let model = plant.model().into_diagnostic()?;
             member!(Base::new(BaseConfig::from_plant(plant, model, rate_hz)));
         }
         "thrusters" => member!(Thrusters::new(plant.thrusters.len())),

@@ -38,6 +38,9 @@ pub struct RunArgs {
     /// Plant file: the vehicle and its laboratory.
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
+    /// Plant file of the simulated laboratory, where it is to be another than the one that the services believe in.
+    #[arg(long, value_name = "FILE")]
+    laboratory: Option<PathBuf>,
     /// Fly in one process on a virtual clock, as fast as the machine allows; the same seed gives the same bytes.
     #[arg(long)]
     fast: bool,
@@ -107,6 +110,9 @@ pub fn run(args: &RunArgs) -> Result<()> {
     } else if let Some(seed) = args.fault_seed {
         stack.faults = Faults::random(seed, stack.mission.duration_s(), FAULT_EVERY_S, &stack.plant);
     }
+    if let Some(laboratory) = &args.laboratory {
+        stack = stack.in_laboratory(laboratory)?;
+    }
     let folder = args.out.clone().unwrap_or_else(|| unused_folder(&stack.mission_name));
     std::fs::create_dir_all(&folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))?;
     let folder = folder.canonicalize().into_diagnostic()?;
@@ -115,7 +121,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
     let bar = progress_bar(&stack, args.quiet);
     let show = |mission: &MissionState| show_progress(&bar, &stack, mission);
     if args.fast {
-        fast::fly(&stack, &stack.plant, &folder.join(LOG_FILE), args.seed, show)?;
+        fast::fly(&stack, stack.laboratory(), &folder.join(LOG_FILE), args.seed, show)?;
     } else {
         let site = launcher::Site {
             bus_prefix: format!("fss_{}_", std::process::id()),

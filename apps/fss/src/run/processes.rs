@@ -15,7 +15,6 @@ use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
 use fss_messages::{MAX_LINKS, TruthState, topic};
 use fss_mission::{Mission, MissionConfig, MissionService};
-use fss_plant::Physics;
 use fss_recorder::{Limits, Recorder};
 use fss_records::log::{LogError, LogWriter};
 use fss_thrusters::Thrusters;
@@ -88,7 +87,7 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
         "links" => return links(&site),
         "thrusters" => return thrusters(&site),
         "base" => {
-            let model = Physics::nominal(plant).model(0.0).into_diagnostic()?;
+            let model = plant.model().into_diagnostic()?;
             site.fly(Base::new(BaseConfig::from_plant(plant, model, rate_hz)), || ())?;
         }
         "arm" => {
@@ -236,7 +235,7 @@ pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
         valves: devices.valves.clone(),
         links: devices.links.clone(),
     };
-    let mut laboratory = Process::open(&site.stack.plant, config, &addresses).into_diagnostic()?;
+    let mut laboratory = Process::open(site.stack.laboratory(), config, &addresses).into_diagnostic()?;
     let mut truth = Output::open(&site.bus, topic::TRUTH_STATE).into_diagnostic()?;
     let mut health = Output::open(&site.bus, topic::HEALTH).into_diagnostic()?;
     let mut monitor = Monitor::new("lab", *schedule.rate_hz.get_ref(), site.starts).into_diagnostic()?;

@@ -34,6 +34,8 @@ const LAUNCH_FILE: &str = "launch.toml";
 const PLANT_FILE: &str = "plant.toml";
 const MISSION_FILE: &str = "mission.toml";
 const FAULTS_FILE: &str = "faults.toml";
+/// The laboratory's own plant file, which may be another than the services believe.
+const LABORATORY_FILE: &str = "laboratory.toml";
 
 /// A stack's files and what they say.
 pub struct Stack {
@@ -53,6 +55,8 @@ pub struct Stack {
     pub plant_text: String,
     /// The mission file's text.
     pub mission_text: String,
+    /// The plant of the simulated laboratory and its file's text, where it is another.
+    laboratory: Option<(Plant, String)>,
 }
 
 impl Stack {
@@ -80,7 +84,10 @@ impl Stack {
             String::new(),
         )?;
         let faults = folder.join(FAULTS_FILE);
-        if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?) } else { Ok(stack) }
+        let stack =
+            if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?)? } else { stack };
+        let laboratory = folder.join(LABORATORY_FILE);
+        if laboratory.exists() { stack.in_laboratory(&laboratory) } else { Ok(stack) }
     }
 
     /// The same with what a fault file says.
@@ -130,7 +137,30 @@ impl Stack {
             launch_text: launch_file.text.clone(),
             plant_text: plant_file.text.clone(),
             mission_text: mission_file.text.clone(),
+            laboratory: None,
         })
+    }
+
+    /// The same in a laboratory of its own, which the services do not know.
+    ///
+    /// # Errors
+    /// Names the file, the line and what to do.
+    pub fn in_laboratory(mut self, path: &Path) -> Result<Self> {
+        let file = TextFile::read(path, "laboratory's plant file")?;
+        let plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
+        let count = |plant: &Plant| (plant.link_count(), plant.thrusters.len());
+        if count(&plant) != count(&self.plant) {
+            let message = "the laboratory has other links or thrusters than the plant".to_owned();
+            let help = "give the laboratory as many [[link]] and [[thruster]] tables as the plant file has".to_owned();
+            return Err(file.error(message, help, None));
+        }
+        self.laboratory = Some((plant, file.text));
+        Ok(self)
+    }
+
+    /// The plant of the simulated laboratory.
+    pub fn laboratory(&self) -> &Plant {
+        self.laboratory.as_ref().map_or(&self.plant, |(plant, _)| plant)
     }
 
     /// Writes the three files into a run's folder.
@@ -144,6 +174,7 @@ impl Stack {
             (PLANT_FILE, &self.plant_text),
             (MISSION_FILE, &self.mission_text),
             (FAULTS_FILE, &faults),
+            (LABORATORY_FILE, self.laboratory.as_ref().map_or(&self.plant_text, |(_, text)| text)),
         ];
         for (name, text) in files {
             let path = folder.join(name);
