@@ -84,8 +84,7 @@ impl Stack {
             String::new(),
         )?;
         let faults = folder.join(FAULTS_FILE);
-        let stack =
-            if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?)? } else { stack };
+        let stack = if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?)? } else { stack };
         let laboratory = folder.join(LABORATORY_FILE);
         if laboratory.exists() { stack.in_laboratory(&laboratory) } else { Ok(stack) }
     }
