@@ -5,6 +5,7 @@ mod bench;
 mod challenge;
 mod diagnose;
 mod files;
+mod generate;
 mod host;
 mod log;
 mod run;
@@ -39,6 +40,9 @@ enum Command {
     /// Look at the computer that shall fly.
     #[command(subcommand)]
     Host(host::HostCommand),
+    /// Write man pages and shell completions, for the package.
+    #[command(hide = true)]
+    Generate(generate::GenerateArgs),
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
@@ -57,6 +61,7 @@ fn main() -> miette::Result<()> {
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Challenge(args) => challenge::run(&args),
         Command::Host(command) => host::run(&command),
+        Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
     }

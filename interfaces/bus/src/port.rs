@@ -105,14 +105,15 @@ impl<T: Sample> InputPort for Latest<T> {
     type Address = Topic<T>;
 
     fn open(bus: &Bus, topic: Topic<T>) -> Result<Self, BusError> {
-        Ok(Self { source: bus.source(topic, 2)?, held: None, fresh: false })
+        // A buffer of one overflows to the newest sample, so that one look is enough.
+        Ok(Self { source: bus.source(topic, 1)?, held: None, fresh: false })
     }
 
     fn refresh(&mut self) {
-        self.fresh = false;
-        while let Some(sample) = self.source.receive() {
-            self.held = Some(sample);
-            self.fresh = true;
+        let newest = self.source.receive();
+        self.fresh = newest.is_some();
+        if self.fresh {
+            self.held = newest;
         }
     }
 

@@ -4,7 +4,7 @@
 //! stack has a prefix of its own for everything that iceoryx2 makes, so that stacks, tests and users do not meet.
 
 use crate::BusError;
-use fss_messages::Sample;
+use fss_messages::{Sample, topic};
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -13,8 +13,11 @@ use iceoryx2::prelude::*;
 /// A sample borrowed from shared memory.
 pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
 
-/// The most publishers of one topic: every service speaks on `/events` and `/health`.
-const MAX_PUBLISHERS: usize = 32;
+/// The most publishers of a topic on which every service speaks.
+const MAX_SPEAKERS: usize = 32;
+/// The most publishers of any other topic: its one, and dead ones that nobody has cleared away yet. Each place costs every
+/// reader a look.
+const MAX_PUBLISHERS: usize = 4;
 /// The most subscribers of one topic.
 const MAX_SUBSCRIBERS: usize = 10;
 /// The deepest buffer that a subscriber may ask for (the recorder's).
@@ -72,6 +75,8 @@ impl SharedTopics {
         name: &str,
     ) -> Result<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>, BusError> {
         let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
+        let everybody_speaks = [topic::EVENTS.name, topic::HEALTH.name].iter().any(|shared| name.ends_with(shared));
+        let max_publishers = if everybody_speaks { MAX_SPEAKERS } else { MAX_PUBLISHERS };
         let service_name = ServiceName::new(name).map_err(|e| refused(format!("{e:?}")))?;
         self.node
             .service_builder(&service_name)
@@ -79,9 +84,9 @@ impl SharedTopics {
             .enable_safe_overflow(true)
             .subscriber_max_buffer_size(MAX_BUFFER)
             .subscriber_max_borrowed_samples(4)
-            .max_publishers(MAX_PUBLISHERS)
+            .max_publishers(max_publishers)
             .max_subscribers(MAX_SUBSCRIBERS)
-            .max_nodes(MAX_PUBLISHERS + MAX_SUBSCRIBERS)
+            .max_nodes(MAX_SPEAKERS + MAX_SUBSCRIBERS)
             .open_or_create()
             .map_err(|e| refused(format!("{e:?}")))
     }
