@@ -87,6 +87,30 @@ fn what_is_wrong_with_a_host_comes_with_its_fix() {
 }
 
 #[test]
+fn top_shows_every_service_of_a_running_stack() {
+    let folder = tempfile::tempdir().unwrap();
+    let launch = folder.path().join("launch-test.toml");
+    let text = include_str!("../deploy/etc/launch/lab.toml").replace("51001", "53410").replace("5110", "5342");
+    std::fs::write(&launch, text).unwrap();
+    let out = folder.path().join("out");
+    let mut run = Command::new(env!("CARGO_BIN_EXE_fss"))
+        .args(["run", "hold", "--quiet", "--launch", launch.to_str().unwrap(), "--out", out.to_str().unwrap()])
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let top = fss(&["top", "--once", "--bus", &format!("fss_{}_", run.id())]);
+    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    assert!(run.wait().unwrap().success());
+    let shown = String::from_utf8_lossy(&top.stdout).into_owned();
+    for service in ["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "navigation", "link 4"]
+    {
+        assert!(shown.lines().any(|line| line.starts_with(service)), "{service}: {shown}");
+    }
+    assert!(!shown.contains("SILENT"), "{shown}");
+}
+
+#[test]
 fn a_soak_reports_every_figure() {
     let folder = tempfile::tempdir().unwrap();
     let launch = folder.path().join("launch-test.toml");

@@ -9,6 +9,7 @@ mod generate;
 mod host;
 mod log;
 mod run;
+mod top;
 
 use clap::{Parser, Subcommand};
 
@@ -37,6 +38,8 @@ enum Command {
     /// Measure how fast this build is on this machine.
     #[command(subcommand)]
     Bench(bench::BenchCommand),
+    /// Show a running stack, live: rates, jitter, ages, health, batteries, valves.
+    Top(top::TopArgs),
     /// Look at the computer that shall fly.
     #[command(subcommand)]
     Host(host::HostCommand),
@@ -60,6 +63,7 @@ fn main() -> miette::Result<()> {
         Command::Soak(args) => run::soak(&args),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Challenge(args) => challenge::run(&args),
+        Command::Top(args) => top::run(&args),
         Command::Host(command) => host::run(&command),
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),

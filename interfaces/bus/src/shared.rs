@@ -9,6 +9,8 @@ use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
+use std::fs::{DirEntry, Permissions};
+use std::os::unix::fs::PermissionsExt;
 
 /// A sample borrowed from shared memory.
 pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
@@ -49,6 +51,7 @@ impl SharedTopics {
             .config(&iox)
             .create::<ipc::Service>()
             .map_err(|e| refused(format!("{e:?}")))?;
+        keep_to_owner(&config.prefix).map_err(|e| refused(e.to_string()))?;
         Ok(Self { node })
     }
 
@@ -123,12 +126,28 @@ pub fn remove_dead_nodes(prefix: &str, stack_has_ended: bool) -> Result<usize, B
     Ok(removed)
 }
 
+/// Takes from others what iceoryx2 lets them read and write: its own management of a prefix.
+fn keep_to_owner(prefix: &str) -> std::io::Result<()> {
+    for_each_file(prefix, |file| {
+        let is_open = file.metadata().is_ok_and(|meta| meta.permissions().mode() & 0o077 != 0);
+        if is_open { std::fs::set_permissions(file.path(), Permissions::from_mode(0o600)) } else { Ok(()) }
+    })
+}
+
 /// Removes the files of a prefix from where Linux keeps shared memory.
 fn remove_files(prefix: &str) -> std::io::Result<()> {
+    for_each_file(prefix, |file| std::fs::remove_file(file.path()))
+}
+
+/// Does something to each file of a prefix; one that is gone by then is done with.
+fn for_each_file(prefix: &str, work: impl Fn(&DirEntry) -> std::io::Result<()>) -> std::io::Result<()> {
     for entry in std::fs::read_dir("/dev/shm")? {
         let entry = entry?;
         if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
-            std::fs::remove_file(entry.path())?;
+            match work(&entry) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(e),
+                _ => {}
+            }
         }
     }
     Ok(())

@@ -17,7 +17,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError};
@@ -268,7 +268,8 @@ struct Memory {
     settled: BTreeMap<u32, (Instant, Option<u64>)>,
     rss_growth_bytes: u64,
     shm_settled: Option<u64>,
-    shm_last: u64,
+    /// The last weighings: a process that is just dying or coming is no leak.
+    shm_last: VecDeque<u64>,
     started: Option<Instant>,
 }
 
@@ -290,14 +291,19 @@ impl Memory {
                 self.rss_growth_bytes = self.rss_growth_bytes.max(growth);
             }
         }
-        self.shm_last = shared_memory_bytes(&site.bus_prefix);
+        let shm_bytes = shared_memory_bytes(&site.bus_prefix);
+        self.shm_last.push_back(shm_bytes);
+        if self.shm_last.len() > 8 {
+            self.shm_last.pop_front();
+        }
         if self.started.get_or_insert_with(Instant::now).elapsed() >= SETTLED {
-            self.shm_settled.get_or_insert(self.shm_last);
+            self.shm_settled.get_or_insert(shm_bytes);
         }
     }
 
     fn shm_growth(&self) -> u64 {
-        self.shm_settled.map_or(0, |settled| self.shm_last.saturating_sub(settled))
+        let last = self.shm_last.iter().min().copied().unwrap_or(0);
+        self.shm_settled.map_or(0, |settled| last.saturating_sub(settled))
     }
 }
 

@@ -1,0 +1,191 @@
+//! `fss top`: a running stack, live: rates, jitter, ages, health, batteries, valves.
+
+use clap::Args;
+use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
+use fss_messages::{Event, Health, LinksState, MissionState, NavState, ThrustersState, text_of, topic};
+use miette::{IntoDiagnostic, Result, miette};
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::time::Duration;
+
+/// Which stack, and how.
+#[derive(Args)]
+pub struct TopArgs {
+    /// Prefix of the stack in shared memory; that of the only stack that runs where absent.
+    #[arg(long)]
+    bus: Option<String>,
+    /// The vehicle's name, where the launch file gives one.
+    #[arg(long, default_value = "")]
+    vehicle: String,
+    /// Show it once, after two seconds.
+    #[arg(long)]
+    once: bool,
+}
+
+/// Between two pictures.
+const PERIOD: Duration = Duration::from_millis(500);
+/// A service without a sign of life for so long is shown as silent, ns.
+const SILENT_NS: u64 = 650_000_000;
+/// How many events are shown.
+const EVENTS: usize = 8;
+
+/// Shows the stack until it is interrupted.
+pub fn run(args: &TopArgs) -> Result<()> {
+    let prefix = args.bus.clone().map_or_else(only_stack, Ok)?;
+    let bus =
+        Bus::shared(&SharedConfig { node: "top".to_owned(), prefix }).into_diagnostic()?.for_vehicle(&args.vehicle);
+    let mut view = View::open(&bus)?;
+    for round in 1.. {
+        std::thread::sleep(PERIOD);
+        let text = view.text(realtime::now().into_diagnostic()?);
+        if args.once {
+            if round == 4 {
+                print!("{text}");
+                return Ok(());
+            }
+            continue;
+        }
+        let mut out = std::io::stdout().lock();
+        // Back to the upper left, each line wiped to its end, and what is left below.
+        let text = text.replace('\n', "\x1b[K\n");
+        if write!(out, "\x1b[H{text}\x1b[J").and_then(|()| out.flush()).is_err() {
+            return Ok(()); // nobody looks any more
+        }
+    }
+    Ok(())
+}
+
+/// The prefix of the stack that runs, from the launcher's process number that it carries.
+fn only_stack() -> Result<String> {
+    let names = std::fs::read_dir("/dev/shm")
+        .into_diagnostic()?
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned());
+    let prefix = |name: String| {
+        let id = name.strip_prefix("fss_")?.split('_').next()?.to_owned();
+        std::path::Path::new("/proc").join(&id).exists().then(|| format!("fss_{id}_"))
+    };
+    let mut stacks: Vec<String> = names.filter_map(prefix).collect();
+    stacks.sort();
+    stacks.dedup();
+    match stacks.as_slice() {
+        [only] => Ok(only.clone()),
+        [] => Err(miette!(help = "start one with `fss run`, or name it with --bus", "no stack runs")),
+        several => Err(miette!(help = "name one with --bus", "several stacks run: {}", several.join(", "))),
+    }
+}
+
+/// What is shown.
+struct View {
+    health: Batch<Health>,
+    events: Batch<Event>,
+    mission: Latest<MissionState>,
+    nav: Latest<NavState>,
+    links: Latest<LinksState>,
+    thrusters: Latest<ThrustersState>,
+    services: BTreeMap<String, Health>,
+    said: VecDeque<Event>,
+}
+
+impl View {
+    fn open(bus: &Bus) -> Result<Self> {
+        Ok(Self {
+            health: Batch::open(bus, topic::HEALTH).into_diagnostic()?,
+            events: Batch::open(bus, topic::EVENTS).into_diagnostic()?,
+            mission: Latest::open(bus, topic::MISSION_STATE).into_diagnostic()?,
+            nav: Latest::open(bus, topic::NAV_STATE).into_diagnostic()?,
+            links: Latest::open(bus, topic::LINKS_STATE).into_diagnostic()?,
+            thrusters: Latest::open(bus, topic::THRUSTERS_STATE).into_diagnostic()?,
+            services: BTreeMap::new(),
+            said: VecDeque::new(),
+        })
+    }
+
+    fn text(&mut self, now: Time) -> String {
+        self.health.refresh();
+        self.events.refresh();
+        self.mission.refresh();
+        self.nav.refresh();
+        self.links.refresh();
+        self.thrusters.refresh();
+        for health in self.health.samples() {
+            self.services.insert(text_of(&health.service).to_owned(), *health);
+        }
+        self.said.extend(self.events.samples());
+        self.said.drain(..self.said.len().saturating_sub(EVENTS));
+        let mut text = String::new();
+        // Writing into a string does not fail.
+        let _ = self.services_table(now, &mut text).and_then(|()| self.vehicle(now, &mut text));
+        text
+    }
+
+    fn services_table(&self, now: Time, out: &mut String) -> std::fmt::Result {
+        writeln!(
+            out,
+            "{:<10} {:>6} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7}  ",
+            "service", "Hz", "cycles", "overruns", "skipped", "wake p99", "step p99", "step max", "starts"
+        )?;
+        for (name, h) in &self.services {
+            let us = |ns: u64| ns as f64 * 1e-3;
+            let silent = if now.age_ns(h.stamp_ns) > SILENT_NS { "SILENT" } else { "" };
+            let lacks = if h.real_time == 1 { "" } else { "normal scheduling" };
+            writeln!(
+                out,
+                "{name:<10} {:>6.0} {:>9} {:>8} {:>8} {:>8.0} {:>8.0} {:>8.0} {:>7}  {silent}{lacks}",
+                h.rate_hz,
+                h.cycles,
+                h.overruns,
+                h.skipped,
+                us(h.wake_p99_ns),
+                us(h.step_p99_ns),
+                us(h.step_max_ns),
+                h.starts
+            )?;
+        }
+        writeln!(out, "wake-up and step times in us")
+    }
+
+    fn vehicle(&self, now: Time, out: &mut String) -> std::fmt::Result {
+        let age_ms = |stamp_ns: u64| now.age_ns(stamp_ns) as f64 * 1e-6;
+        writeln!(out)?;
+        if let Some(m) = self.mission.get() {
+            writeln!(out, "mission    phase {} of {}, state {}", m.phase + 1, m.phase_count, m.state)?;
+        }
+        if let Some(n) = self.nav.get() {
+            let mode =
+                ["initialising", "tracking", "COASTING", "LOST", "NO GYRO"].get(usize::from(n.mode)).unwrap_or(&"?");
+            let (x, y, theta_deg) = (n.x_m, n.y_m, n.theta_rad.to_degrees());
+            writeln!(out, "navigation {x:.3} m {y:.3} m {theta_deg:.2} deg, {mode}, {:.0} ms old", age_ms(n.stamp_ns))?;
+        }
+        if let Some(l) = self.links.get() {
+            for i in 0..(l.link_count as usize).min(l.q_rad.len()) {
+                let (q_deg, battery_v) = (l.q_rad[i].to_degrees(), l.battery_v[i]);
+                let age_ms = l.age_ns[i] as f64 * 1e-6;
+                let fault = if l.fault[i] == 0 { String::new() } else { format!(", FAULT {:#04x}", l.fault[i]) };
+                writeln!(
+                    out,
+                    "link {}     {q_deg:>7.2} deg, {battery_v:.2} V, {age_ms:.0} ms old, {} lost{fault}",
+                    i + 1,
+                    l.lost[i]
+                )?;
+            }
+        }
+        if let Some(t) = self.thrusters.get() {
+            let valves = &t.valves[..(t.valve_count as usize).min(t.valves.len())];
+            let open: String = valves.iter().map(|open| if *open == 0 { '.' } else { '#' }).collect();
+            let firing_s = t.open_time_ns.iter().sum::<u64>() as f64 * 1e-9;
+            writeln!(
+                out,
+                "valves     {open}, {firing_s:.2} s of firing in all, command {:.0} ms old",
+                t.command_age_ns as f64 * 1e-6
+            )?;
+        }
+        for event in &self.said {
+            let severity =
+                ["debug", "info", "warning", "ERROR", "CRITICAL"].get(usize::from(event.severity)).unwrap_or(&"?");
+            writeln!(out, "{severity:<8} {:<10} {}", text_of(&event.service), text_of(&event.text))?;
+        }
+        Ok(())
+    }
+}
