@@ -77,7 +77,7 @@ fn one(args: &ChallengeArgs, seed: u64) -> Result<()> {
     bar.enable_steady_tick(Duration::from_millis(100));
     bar.set_message("making ready");
     let game = Game::new(args.plant.as_deref())?;
-    let played = game.play(seed, Some(&folder), &|what| bar.set_message(what.to_owned()))?;
+    let played = game.play(seed, Some(&folder), None, &|what| bar.set_message(what.to_owned()))?;
     bar.finish_and_clear();
     story::tell(&played, &folder);
     let file = OneFile { format: "fss-challenge/1", played: &played };
@@ -115,7 +115,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     let failures = Mutex::new(Vec::new());
     left.par_iter().for_each(|&seed| {
         let folder = args.out.as_ref().map(|out| out.join(format!("seed-{seed}")));
-        match game.play(seed, folder.as_deref(), &|_| ()) {
+        match game.play(seed, folder.as_deref(), Some(1), &|_| ()) {
             Ok(done) => {
                 let mut all = locked(&played);
                 all.insert(seed, done);

@@ -1,12 +1,14 @@
-//! What the diagnosis says, in plain words and numbers.
+//! What the diagnosis says.
+//!
+//! It is asked as a user asks it: `fss diagnose` in a process of its own, which gets the logs and the plant file and
+//! answers in JSON. So no secret can leak to it.
 
 use super::hidden::Record;
-use fss_identify::measured::Run;
-use fss_identify::misfit::{Windows, of_run};
-use fss_plant::Plant;
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A cause that the diagnosis asserts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -35,19 +37,89 @@ pub struct Answer {
     pub ratio_after: f64,
 }
 
-/// Asks the diagnosis.
+/// `fss-diagnosis/1`, as far as it counts here.
+#[derive(Deserialize)]
+struct Diagnosis {
+    verdict: String,
+    causes: Vec<Cause>,
+    gain: Gain,
+}
+
+#[derive(Deserialize)]
+struct Gain {
+    ratio_before: Option<f64>,
+    ratio_after: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct Cause {
+    effect: String,
+    index: Option<usize>,
+    channel: Option<String>,
+    onset_s: Option<f64>,
+    probability: f64,
+    #[serde(default)]
+    parameters: BTreeMap<String, Value>,
+    #[serde(default)]
+    alternatives: Vec<Cause>,
+}
+
+#[derive(Deserialize)]
+struct Value {
+    value: f64,
+    std: Option<f64>,
+}
+
+impl Cause {
+    fn record(&self) -> Record {
+        Record {
+            effect: self.effect.clone(),
+            index: self.index,
+            channel: self.channel.clone(),
+            onset_s: self.onset_s,
+            parameters: self.parameters.iter().map(|(name, v)| (name.clone(), v.value)).collect(),
+        }
+    }
+
+    fn said(&self) -> Said {
+        Said {
+            record: self.record(),
+            std: self.parameters.iter().filter_map(|(name, v)| Some((name.clone(), v.std?))).collect(),
+            probability: self.probability,
+            alternatives: self.alternatives.iter().map(|a| (a.record(), a.probability)).collect(),
+        }
+    }
+}
+
+/// Asks for the diagnosis of logs, of which the last is kept for validation; its report is left in `folder`. `threads`
+/// limits what it takes of the computer.
 ///
 /// # Errors
-/// Where the plant is no mechanism.
-pub fn answer(plant: &Plant, runs: &[Run], validation: &[Run]) -> Result<Answer> {
-    let windows = Windows::suited_to(plant, runs);
-    let mut ratios = Vec::new();
-    for run in validation {
-        ratios.extend(
-            of_run(plant, run, windows).into_diagnostic()?.iter().map(fss_identify::misfit::ChannelMisfit::ratio),
-        );
+/// Where the diagnosis fails, with what it said.
+pub fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usize>) -> Result<Answer> {
+    let (validation, fitted) = logs.split_last().ok_or_else(|| miette!("there is no log to diagnose"))?;
+    let out = folder.join("diagnosis");
+    let json = folder.join("diagnosis.json");
+    let program = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program's file")?;
+    let mut command = Command::new(program);
+    command.arg("diagnose").args(fitted).arg("--validate").arg(validation);
+    command.arg("--plant").arg(plant).arg("--out").arg(&out).arg("--json").arg(&json);
+    if let Some(threads) = threads {
+        command.env("RAYON_NUM_THREADS", threads.to_string());
     }
-    let ratio = (ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len().max(1) as f64).sqrt();
-    let verdict = if ratio > 1.3 { "unexplained" } else { "consistent" }.to_owned();
-    Ok(Answer { verdict, causes: Vec::new(), ratio_before: ratio, ratio_after: ratio })
+    let done = command.output().into_diagnostic().wrap_err("cannot start the diagnosis")?;
+    if !done.status.success() {
+        return Err(miette!("the diagnosis failed: {}", String::from_utf8_lossy(&done.stderr).trim()));
+    }
+    let text =
+        std::fs::read_to_string(&json).into_diagnostic().wrap_err_with(|| format!("cannot read {}", json.display()))?;
+    let diagnosis: Diagnosis = serde_json::from_str(&text)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot understand {}", json.display()))?;
+    Ok(Answer {
+        causes: diagnosis.causes.iter().map(Cause::said).collect(),
+        verdict: diagnosis.verdict,
+        ratio_before: diagnosis.gain.ratio_before.unwrap_or(f64::MAX),
+        ratio_after: diagnosis.gain.ratio_after.unwrap_or(f64::MAX),
+    })
 }

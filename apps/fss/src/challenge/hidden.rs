@@ -20,6 +20,8 @@ const SHARES: [f64; 3] = [0.20, 0.15, 0.10];
 const DOSES: (f64, f64) = (0.3, 30.0);
 /// No parameter departs further from nominal than this many times its typical size.
 const LARGEST: f64 = 15.0;
+/// Servos are tuned differently by this share.
+const SERVO_SPREAD: f64 = 0.03;
 /// Half a table less room for the arm, m.
 const EDGE_M: f64 = 1.9;
 
@@ -197,9 +199,9 @@ pub fn draw(seed: u64, plant: &Plant, twins: &Twins, survey: Option<&Survey>) ->
 fn laboratory(plant: &Plant, random: &mut ChaCha8Rng) -> Plant {
     let mut room = plant.drawn(random.random());
     let mut about = |value: &mut f64, share: f64| *value *= 1.0 + share * (2.0 * random.random::<f64>() - 1.0);
-    about(&mut room.servo.position_gain_1_s, 0.1);
-    about(&mut room.servo.velocity_gain_n_m_s_rad, 0.1);
-    about(&mut room.servo.velocity_integral_n_m_rad, 0.1);
+    about(&mut room.servo.position_gain_1_s, SERVO_SPREAD);
+    about(&mut room.servo.velocity_gain_n_m_s_rad, SERVO_SPREAD);
+    about(&mut room.servo.velocity_integral_n_m_rad, SERVO_SPREAD);
     // Dry friction is somewhat larger at rest than in motion: within what is uncertain of it.
     let sticks_n_m = plant.uncertainty.as_ref().map_or(0.0, |u| 0.5 * u.coulomb_friction_n_m) * random.random::<f64>();
     if let Ok(sticks) = Effect::new("joint_stribeck_friction")

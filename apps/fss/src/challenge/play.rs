@@ -8,7 +8,6 @@ use super::twins::Twins;
 use crate::diagnose::log;
 use crate::run::fast;
 use crate::run::stack::Stack;
-use fss_identify::measured::Run;
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr};
@@ -77,11 +76,18 @@ impl Game {
         Ok(self)
     }
 
-    /// Plays a seed; logs and envelope are left in `folder`, or nowhere. `say` hears what is going on.
+    /// Plays a seed; logs and envelope are left in `folder`, or nowhere. The diagnosis takes `threads`, or all that there
+    /// are. `say` hears what is going on.
     ///
     /// # Errors
     /// Where the seed's laboratory cannot be flown or the diagnosis fails.
-    pub fn play(&self, seed: u64, folder: Option<&Path>, say: &(dyn Fn(&str) + Sync)) -> Result<Played> {
+    pub fn play(
+        &self,
+        seed: u64,
+        folder: Option<&Path>,
+        threads: Option<usize>,
+        say: &(dyn Fn(&str) + Sync),
+    ) -> Result<Played> {
         say("sealing an envelope");
         let secret = draw(seed, &self.plant, &self.twins, self.survey.as_ref())?;
         let scratch = if folder.is_none() { Some(Scratch::new(&format!("seed-{seed}"))?) } else { None };
@@ -89,7 +95,8 @@ impl Game {
         make(folder)?;
         let sealed = serde_json::to_string_pretty(&secret.envelope).into_diagnostic()?;
         write(&folder.join(ENVELOPE_FILE), &sealed)?;
-        write(&folder.join("plant.toml"), &self.stacks[0].plant_text)?;
+        let plant = folder.join("plant.toml");
+        write(&plant, &self.stacks[0].plant_text)?;
 
         say("flying the experiments");
         let begun = Instant::now();
@@ -98,9 +105,7 @@ impl Game {
 
         say("diagnosing the logs");
         let begun = Instant::now();
-        let runs: Vec<Run> = logs.iter().map(|path| log::read(path, &self.plant)).collect::<Result<_>>()?;
-        let (validation, fitted) = runs.split_last().map_or((&[][..], &[][..]), |(v, f)| (std::slice::from_ref(v), f));
-        let said = answer(&self.plant, fitted, validation)?;
+        let said = answer(&plant, &logs, folder, threads)?;
         let score = score(&secret.envelope, &said);
         Ok(Played { hidden: secret.envelope, said, score, flown_in_s, diagnosed_in_s: begun.elapsed().as_secs_f64() })
     }
