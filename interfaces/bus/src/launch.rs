@@ -18,6 +18,9 @@ pub struct Launch {
     /// How long a log may get.
     #[serde(default)]
     pub recording: Recording,
+    /// Where yellow and red begin.
+    #[serde(default)]
+    pub limits: Limits,
     /// The services in the order of their start; they stop in the opposite order.
     #[serde(rename = "service")]
     pub services: Vec<Schedule>,
@@ -57,6 +60,23 @@ pub struct Recording {
     /// Room that recording leaves on the disk, MB: with less it pauses.
     #[serde(default)]
     pub keep_free_mb: u64,
+}
+
+/// Where yellow and red begin. (How late a step may end is its service's deadline: yellow beyond half of it.)
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Battery of a link, V.
+    pub battery_yellow_v: f64,
+    /// Battery of a link, V.
+    pub battery_red_v: f64,
+}
+
+impl Default for Limits {
+    /// Of a pack of four lithium cells.
+    fn default() -> Self {
+        Self { battery_yellow_v: 13.6, battery_red_v: 12.8 }
+    }
 }
 
 /// When and how one service runs.

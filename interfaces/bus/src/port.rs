@@ -48,14 +48,14 @@ pub(crate) enum Sink<T: Sample> {
 
 impl<T: Sample> Sink<T> {
     /// Whether it was sent.
-    fn send(&self, sample: T) -> bool {
+    fn send(&self, sample: &T) -> bool {
         match self {
             Self::Local(publisher) => {
-                publisher.send(sample);
+                publisher.send(*sample);
                 true
             }
             Self::Shared(publisher) => match publisher.loan_uninit() {
-                Ok(loan) => loan.write_payload(sample).send().is_ok(),
+                Ok(loan) => loan.write_payload(*sample).send().is_ok(),
                 Err(_) => false,
             },
         }
@@ -248,12 +248,13 @@ impl<T: Sample> OutputPort for Output<T> {
 
     fn flush(&mut self, now: Time) -> u64 {
         let mut dropped = std::mem::take(&mut self.dropped);
-        for mut sample in self.staged.drain(..) {
+        for sample in &mut self.staged {
             self.sequence += 1;
             let stamp_ns = sample.header().stamp_ns;
             sample.set_header(Header { sequence: self.sequence, stamp_ns, published_ns: now.ns() });
             dropped += u64::from(!self.sink.send(sample));
         }
+        self.staged.clear();
         dropped
     }
 }

@@ -1,9 +1,10 @@
 //! The launcher: starts the services of a launch file as processes, watches them, restarts what dies, stops them in order.
 
+use super::limits::LimitWatch;
 use super::stack::Stack;
 use fss_bus::launch::Schedule;
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
-use fss_messages::{Event, Health, MissionState, text_of, topic};
+use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -103,6 +104,8 @@ struct Supervisor<'a> {
     mission: Latest<MissionState>,
     health: Batch<Health>,
     events: Output<Event>,
+    links: Latest<LinksState>,
+    limits: LimitWatch,
     watched: Instant,
     flown: Flown,
 }
@@ -118,6 +121,8 @@ impl<'a> Supervisor<'a> {
             mission: Latest::open(&bus, topic::MISSION_STATE).into_diagnostic()?,
             health: Batch::open(&bus, topic::HEALTH).into_diagnostic()?,
             events: Output::open(&bus, topic::EVENTS).into_diagnostic()?,
+            links: Latest::open(&bus, topic::LINKS_STATE).into_diagnostic()?,
+            limits: LimitWatch::new(stack.launch.limits),
             watched: Instant::now(),
             flown: Flown::default(),
         })
@@ -149,6 +154,7 @@ impl<'a> Supervisor<'a> {
     /// Restarts what has died, and kills what has frozen.
     fn watch(&mut self) -> Result<()> {
         self.listen();
+        self.look_at_limits();
         for i in 0..self.members.len() {
             if let Some(status) = self.members[i].ended().into_diagnostic()? {
                 let name = self.members[i].schedule.name.get_ref();
@@ -193,6 +199,25 @@ impl<'a> Supervisor<'a> {
                 let (name, silent_ms) = (member.schedule.name.get_ref().clone(), silent.as_millis());
                 self.say(Event::ERROR, format_args!("{name} gave no sign of life for {silent_ms} ms: killed"));
             }
+        }
+    }
+
+    /// Says what comes near its limit, or is beyond it.
+    fn look_at_limits(&mut self) {
+        let mut said = Vec::new();
+        let mut say = |severity: u8, words: std::fmt::Arguments<'_>| said.push((severity, words.to_string()));
+        self.links.refresh();
+        if let Some(links) = self.links.fresh() {
+            self.limits.look_at_links(links, &mut say);
+        }
+        for health in self.health.samples() {
+            let name = text_of(&health.service);
+            if let Some(member) = self.members.iter().find(|member| member.schedule.name.get_ref() == name) {
+                self.limits.look_at_health(health, member.schedule.deadline_ns(), &mut say);
+            }
+        }
+        for (severity, words) in said {
+            self.say(severity, format_args!("{words}"));
         }
     }
 

@@ -2,6 +2,7 @@
 
 pub mod fast;
 mod launcher;
+mod limits;
 mod picture;
 mod processes;
 mod soak;
