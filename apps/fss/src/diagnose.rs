@@ -3,7 +3,7 @@
 pub mod commands;
 pub mod log;
 mod page;
-mod runs;
+pub mod runs;
 
 use crate::files::TextFile;
 use clap::Args;

@@ -2,6 +2,7 @@
 #![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
 
 mod bench;
+mod calibrate;
 mod challenge;
 mod diagnose;
 mod files;
@@ -33,6 +34,9 @@ enum Command {
     Soak(run::SoakArgs),
     /// Show where the simulation of a plant differs from measured runs.
     Diagnose(diagnose::DiagnoseArgs),
+    /// Estimate parameters of the plant from measured runs.
+    #[command(subcommand)]
+    Calibrate(calibrate::CalibrateCommand),
     /// Hide an effect, fly experiments against it, diagnose their logs, and score the answer.
     Challenge(challenge::ChallengeArgs),
     /// Measure how fast this build is on this machine.
@@ -62,6 +66,7 @@ fn main() -> miette::Result<()> {
         Command::Lab(args) => run::lab(&args),
         Command::Soak(args) => run::soak(&args),
         Command::Diagnose(args) => diagnose::run(&args),
+        Command::Calibrate(command) => calibrate::run(&command),
         Command::Challenge(args) => challenge::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Host(command) => host::run(&command),

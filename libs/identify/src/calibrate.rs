@@ -1,0 +1,336 @@
+//! Calibration: parameters of the plant from measured runs, with what the data cannot determine said in words.
+//!
+//! - [`solve`]: iterative batch least squares with weights estimated from the residuals, rank and covariance;
+//! - [`kinematic`]: link lengths, joint offsets and the first joint's pose from end-effector poses (the paper's section 4.1).
+
+pub mod kinematic;
+
+use nalgebra::{DMatrix, DVector};
+
+/// One unknown of a calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknown {
+    /// Where it stands in the plant file, unit in its name.
+    pub name: String,
+    /// First guess.
+    pub value: f64,
+    /// Known no better than this, a parameter counts as not determined.
+    pub plausible: f64,
+}
+
+/// Observations of one kind share a noise that is estimated from their residuals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Kind of the observation.
+    pub kind: usize,
+    /// Observations of one instant are kept or rejected together.
+    pub instant: usize,
+}
+
+/// A parameter as the data determine it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimated {
+    /// Name of the unknown.
+    pub name: String,
+    /// Best value.
+    pub value: f64,
+    /// Its standard deviation.
+    pub std: f64,
+}
+
+/// What came out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Parameters that are determined.
+    pub parameters: Vec<Estimated>,
+    /// Directions that are not, in words.
+    pub undetermined: Vec<String>,
+    /// Parameters with a share in such a direction.
+    pub undetermined_parameters: Vec<String>,
+    /// Determined directions.
+    pub rank: usize,
+    /// Number of unknowns.
+    pub unknowns: usize,
+    /// Largest over smallest singular value of the weighted Jacobian with columns of unit norm; infinite without full rank.
+    pub condition: f64,
+    /// Standard deviation of the residuals, one a kind of observation; divided by what is left of its degrees of freedom.
+    pub noise: Vec<f64>,
+    /// Root mean square of the residuals, one a kind.
+    pub residual_std: Vec<f64>,
+    /// Observations less determined directions.
+    pub degrees_of_freedom: usize,
+    /// The same of the kind of observation that has the fewest to tell its noise by: what intervals are computed with.
+    pub noise_degrees_of_freedom: f64,
+    /// Instants taken for outliers.
+    pub rejected: Vec<usize>,
+    /// All values, also the undetermined ones, which stay near their first guess.
+    pub values: Vec<f64>,
+}
+
+impl Estimate {
+    /// Half the width of the interval that holds a parameter of standard deviation `std` with 90 or 95 percent, from
+    /// Student's distribution (Abramowitz and Stegun 26.7.5).
+    pub fn half_width(&self, std: f64, normal_quantile: f64) -> f64 {
+        let (z, nu) = (normal_quantile, self.noise_degrees_of_freedom.max(1.0));
+        let first = (z.powi(3) + z) / (4.0 * nu);
+        let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu);
+        std * (z + first + second)
+    }
+}
+
+/// Why a calibration is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrationError {
+    /// There is nothing to calibrate on.
+    #[error("{0}")]
+    NoData(String),
+    /// The iteration left the numbers that a mechanism can have.
+    #[error("the iteration does not converge: the first guess is too far off, or the data are not of this plant")]
+    Diverged,
+}
+
+const MAX_ITERATIONS: usize = 60;
+/// Shares of an undetermined direction below this are rounding.
+const SHARE: f64 = 0.02;
+/// Residuals beyond this many standard deviations are outliers.
+const OUTLIER: f64 = 5.0;
+
+/// Gauss-Newton on `residuals(values)` = measured less predicted (the paper's equations 2 to 4, weighted).
+///
+/// `sensor_noise` is the noise of each kind before the residuals tell, and where they are too few to tell.
+///
+/// # Errors
+/// [`CalibrationError`].
+pub fn solve(
+    unknowns: &[Unknown],
+    rows: &[Row],
+    sensor_noise: &[f64],
+    residuals: impl Fn(&[f64]) -> Option<Vec<f64>>,
+) -> Result<Estimate, CalibrationError> {
+    let mut fit = Fit::new(unknowns, rows, sensor_noise);
+    fit.converge(&residuals)?;
+    if fit.reject_outliers(&residuals)? {
+        fit.converge(&residuals)?;
+    }
+    fit.finish(&residuals)
+}
+
+struct Fit<'a> {
+    unknowns: &'a [Unknown],
+    rows: &'a [Row],
+    sensor_noise: &'a [f64],
+    noise: Vec<f64>,
+    values: Vec<f64>,
+    rejected: Vec<usize>,
+    /// Fewest degrees of freedom that a noise was estimated with; infinite while all are the sensors'.
+    freedom: f64,
+}
+
+/// The weighted problem at one point, columns in units of what is plausible.
+struct Linear {
+    residual: Vec<f64>,
+    jacobian: DMatrix<f64>,
+    singular: Vec<f64>,
+    right: DMatrix<f64>,
+    left: DMatrix<f64>,
+}
+
+impl Linear {
+    fn is_seen(&self, k: usize) -> bool {
+        let largest = self.singular.iter().copied().fold(0.0, f64::max);
+        self.singular[k] > 1.0 && self.singular[k] > 1e-7 * largest
+    }
+
+    fn rank(&self) -> usize {
+        (0..self.singular.len()).filter(|k| self.is_seen(*k)).count()
+    }
+}
+
+impl<'a> Fit<'a> {
+    fn new(unknowns: &'a [Unknown], rows: &'a [Row], sensor_noise: &'a [f64]) -> Self {
+        Self {
+            unknowns,
+            rows,
+            sensor_noise,
+            noise: sensor_noise.to_vec(),
+            values: unknowns.iter().map(|u| u.value).collect(),
+            rejected: Vec::new(),
+            freedom: f64::INFINITY,
+        }
+    }
+
+    fn weight(&self, row: usize) -> f64 {
+        let Row { kind, instant } = self.rows[row];
+        if self.rejected.contains(&instant) { 0.0 } else { 1.0 / self.noise[kind] }
+    }
+
+    fn linear(&self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<Linear, CalibrationError> {
+        let at = |values: &[f64]| residuals(values).ok_or(CalibrationError::Diverged);
+        let residual = at(&self.values)?;
+        let (n, m) = (self.unknowns.len(), self.rows.len());
+        // Rows of zeros below change nothing, and give the null space where there are fewer rows than unknowns.
+        let mut jacobian = DMatrix::zeros(m.max(n), n);
+        for (j, unknown) in self.unknowns.iter().enumerate() {
+            let step = 1e-5 * unknown.plausible;
+            let mut moved = self.values.clone();
+            moved[j] += step;
+            let ahead = at(&moved)?;
+            moved[j] -= 2.0 * step;
+            let behind = at(&moved)?;
+            for i in 0..m {
+                jacobian[(i, j)] = (behind[i] - ahead[i]) / (2.0 * step) * unknown.plausible * self.weight(i);
+            }
+        }
+        let svd = jacobian.clone().svd(true, true);
+        let (Some(left), Some(right)) = (svd.u, svd.v_t) else { return Err(CalibrationError::Diverged) };
+        Ok(Linear { residual, jacobian, singular: svd.singular_values.as_slice().to_vec(), right, left })
+    }
+
+    fn converge(&mut self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<(), CalibrationError> {
+        for _ in 0..MAX_ITERATIONS {
+            let linear = self.linear(residuals)?;
+            let mut weighted = DVector::zeros(linear.jacobian.nrows());
+            for i in 0..self.rows.len() {
+                weighted[i] = linear.residual[i] * self.weight(i);
+            }
+            let mut largest = 0.0_f64;
+            for k in (0..linear.singular.len()).filter(|k| linear.is_seen(*k)) {
+                let along = linear.left.column(k).dot(&weighted) / linear.singular[k];
+                for (j, unknown) in self.unknowns.iter().enumerate() {
+                    let step = along * linear.right[(k, j)];
+                    largest = largest.max(step.abs());
+                    self.values[j] += step * unknown.plausible;
+                }
+            }
+            if !largest.is_finite() {
+                return Err(CalibrationError::Diverged);
+            }
+            let before = self.noise.clone();
+            self.noise = self.noise_of(&linear);
+            let settled = before.iter().zip(&self.noise).all(|(a, b)| (a - b).abs() <= 1e-4 * a);
+            if largest < 1e-7 && settled {
+                return Ok(());
+            }
+        }
+        Err(CalibrationError::Diverged)
+    }
+
+    /// Noise of each kind from its residuals and what they kept of their degrees of freedom.
+    fn noise_of(&mut self, linear: &Linear) -> Vec<f64> {
+        let mut squares = vec![0.0; self.sensor_noise.len()];
+        let mut freedom = vec![0.0; self.sensor_noise.len()];
+        for (i, row) in self.rows.iter().enumerate().filter(|(i, _)| self.weight(*i) > 0.0) {
+            let seen = (0..linear.singular.len()).filter(|k| linear.is_seen(*k));
+            let leverage: f64 = seen.map(|k| linear.left[(i, k)].powi(2)).sum();
+            squares[row.kind] += linear.residual[i].powi(2);
+            freedom[row.kind] += 1.0 - leverage;
+        }
+        self.freedom = freedom.iter().copied().filter(|left| *left >= 3.0).fold(f64::INFINITY, f64::min);
+        let of = |kind: usize| {
+            let floor = 1e-9 * self.sensor_noise[kind];
+            if freedom[kind] < 3.0 {
+                self.sensor_noise[kind]
+            } else {
+                (squares[kind] / freedom[kind]).sqrt().max(floor)
+            }
+        };
+        (0..self.sensor_noise.len()).map(of).collect()
+    }
+
+    /// Rejects instants far off, by a scale that outliers do not widen; at most a fifth of all.
+    fn reject_outliers(&mut self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<bool, CalibrationError> {
+        let residual = residuals(&self.values).ok_or(CalibrationError::Diverged)?;
+        let mut worst: Vec<(f64, usize)> = Vec::new();
+        for kind in 0..self.noise.len() {
+            let of_kind = || self.rows.iter().zip(&residual).filter(move |(row, _)| row.kind == kind);
+            let mut sizes: Vec<f64> = of_kind().map(|(_, r)| r.abs()).collect();
+            if sizes.len() < 8 {
+                continue;
+            }
+            sizes.sort_by(f64::total_cmp);
+            let scale = (1.4826 * sizes[sizes.len() / 2]).max(1e-9 * self.sensor_noise[kind]);
+            // Few rows follow their own outliers and leave small residuals; their median is trusted less.
+            let shrunk = (1.0 - self.unknowns.len() as f64 / self.rows.len() as f64).max(0.3).sqrt();
+            worst.extend(of_kind().map(|(row, r)| (r.abs() / scale * shrunk, row.instant)));
+        }
+        worst.retain(|(size, _)| *size > OUTLIER);
+        worst.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let instants = self.rows.iter().map(|row| row.instant).max().map_or(0, |last| last + 1);
+        for (_, instant) in worst {
+            if !self.rejected.contains(&instant) && 5 * (self.rejected.len() + 1) <= instants {
+                self.rejected.push(instant);
+            }
+        }
+        Ok(!self.rejected.is_empty())
+    }
+
+    fn finish(self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<Estimate, CalibrationError> {
+        let linear = self.linear(residuals)?;
+        let n = self.unknowns.len();
+        let hidden: Vec<usize> = (0..n).filter(|k| !linear.is_seen(*k)).collect();
+        let share = |j: usize| hidden.iter().map(|k| linear.right[(*k, j)].powi(2)).sum::<f64>().sqrt();
+        let variance = |j: usize| {
+            let seen = (0..n).filter(|k| linear.is_seen(*k));
+            seen.map(|k| (linear.right[(k, j)] / linear.singular[k]).powi(2)).sum::<f64>()
+        };
+        let mut parameters = Vec::new();
+        let mut unseen = Vec::new();
+        for (j, unknown) in self.unknowns.iter().enumerate() {
+            if share(j) > SHARE {
+                unseen.push(unknown.name.clone());
+            } else {
+                let std = variance(j).sqrt() * unknown.plausible;
+                parameters.push(Estimated { name: unknown.name.clone(), value: self.values[j], std });
+            }
+        }
+        let used = (0..self.rows.len()).filter(|i| self.weight(*i) > 0.0).count();
+        let rank = linear.rank();
+        let residual_std = (0..self.noise.len()).map(|kind| {
+            let of = (0..self.rows.len()).filter(|i| self.rows[*i].kind == kind && self.weight(*i) > 0.0);
+            let squares: Vec<f64> = of.map(|i| linear.residual[i].powi(2)).collect();
+            (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+        });
+        Ok(Estimate {
+            parameters,
+            undetermined: hidden.iter().map(|k| in_words(self.unknowns, &linear.right, *k)).collect(),
+            undetermined_parameters: unseen,
+            rank,
+            unknowns: n,
+            condition: if rank < n { f64::INFINITY } else { condition(&linear.jacobian) },
+            residual_std: residual_std.collect(),
+            noise: self.noise,
+            noise_degrees_of_freedom: self.freedom,
+            degrees_of_freedom: used.saturating_sub(rank),
+            rejected: self.rejected,
+            values: self.values,
+        })
+    }
+}
+
+/// A direction that leaves every observation as it is.
+fn in_words(unknowns: &[Unknown], right: &DMatrix<f64>, k: usize) -> String {
+    let mut parts: Vec<(f64, &Unknown)> =
+        unknowns.iter().enumerate().map(|(j, u)| (right[(k, j)] * u.plausible, u)).collect();
+    parts.retain(|(step, u)| (step / u.plausible).abs() > SHARE);
+    parts.sort_by(|a, b| (b.0 / b.1.plausible).abs().total_cmp(&(a.0 / a.1.plausible).abs()));
+    let Some(first) = parts.first().copied() else { return "a combination of all parameters".into() };
+    if parts.len() == 1 {
+        return format!("{} is not seen in this data", first.1.name);
+    }
+    let others: Vec<String> =
+        parts[1..].iter().map(|(step, u)| format!("{} by {:+.3}", u.name, step / first.0)).collect();
+    format!("not seen: {} by +1 together with {}", first.1.name, others.join(", "))
+}
+
+/// Condition number with columns of unit norm.
+fn condition(jacobian: &DMatrix<f64>) -> f64 {
+    let mut scaled = jacobian.clone();
+    for mut column in scaled.column_iter_mut() {
+        let norm = column.norm();
+        if norm > 0.0 {
+            column /= norm;
+        }
+    }
+    let singular = scaled.singular_values();
+    singular.max() / singular.min()
+}
