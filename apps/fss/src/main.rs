@@ -11,6 +11,7 @@ mod host;
 mod log;
 mod run;
 mod top;
+mod workspace;
 
 use clap::{Parser, Subcommand};
 
@@ -37,6 +38,8 @@ enum Command {
     /// Estimate parameters of the plant from measured runs.
     #[command(subcommand)]
     Calibrate(calibrate::CalibrateCommand),
+    /// Compute reach and manipulability of a plant.
+    Workspace(workspace::WorkspaceArgs),
     /// Hide an effect, fly experiments against it, diagnose their logs, and score the answer.
     Challenge(challenge::ChallengeArgs),
     /// Measure how fast this build is on this machine.
@@ -67,6 +70,7 @@ fn main() -> miette::Result<()> {
         Command::Soak(args) => run::soak(&args),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Calibrate(command) => calibrate::run(&command),
+        Command::Workspace(args) => workspace::run(&args),
         Command::Challenge(args) => challenge::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Host(command) => host::run(&command),
