@@ -1,7 +1,7 @@
 //! Kinematic calibration: link lengths, joint offsets and the first joint's pose (the paper's equations 1 to 5).
 
 use super::{CalibrationError, Estimate, Row, Unknown, solve};
-use crate::measured::{Poses, Run};
+use crate::measured::{Joints, Poses, Run};
 use fss_multibody::{Coordinates, Model, Parameter};
 use fss_plant::Plant;
 use std::f64::consts::{PI, TAU};
@@ -40,6 +40,8 @@ const STILL_RAD_S: f64 = 0.01;
 const SAME_POSE_RAD: f64 = 0.01;
 /// The longest gap of motion capture that is bridged, s.
 const GAP_S: f64 = 0.05;
+/// The longest gap of a joint's telemetry that is bridged, s.
+const TELEMETRY_GAP_S: f64 = 0.5;
 
 /// The unknowns, each with the places in the model that it stands for.
 fn unknowns(model: &Model, choice: Choice) -> Vec<(Unknown, Vec<Parameter>)> {
@@ -150,6 +152,7 @@ pub fn observations(run: &Run, links: usize, clamped: bool, moving: bool) -> Vec
     if joints.q_rad.len() < links || (run.base_pose.is_none() && !clamped) {
         return Vec::new();
     }
+    let joints = &filled(joints);
     let mut all: Vec<(Observation, usize, f64)> = Vec::new();
     let sparse = ee.t_s.windows(2).all(|pair| pair[1] - pair[0] > 0.5);
     for (k, &t_s) in joints.t_s.iter().enumerate() {
@@ -191,8 +194,31 @@ pub fn observations(run: &Run, links: usize, clamped: bool, moving: bool) -> Vec
     all.into_iter().map(|(o, _, _)| o).collect()
 }
 
+/// Telemetry in which a joint that did not report at a row stands between its neighbouring reports.
+fn filled(joints: &Joints) -> Joints {
+    let column = |values: &Vec<f64>| {
+        let known: Vec<usize> = (0..values.len()).filter(|k| values[*k].is_finite()).collect();
+        let at = |k: usize| {
+            let after = known.partition_point(|i| *i < k);
+            let (Some(&b), false) = (known.get(after), values[k].is_finite()) else { return values[k] };
+            let Some(&a) = after.checked_sub(1).and_then(|i| known.get(i)) else { return f64::NAN };
+            let span_s = joints.t_s[b] - joints.t_s[a];
+            if span_s > TELEMETRY_GAP_S {
+                return f64::NAN;
+            }
+            values[a] + (values[b] - values[a]) * (joints.t_s[k] - joints.t_s[a]) / span_s
+        };
+        (0..values.len()).map(at).collect()
+    };
+    Joints {
+        q_rad: joints.q_rad.iter().map(column).collect(),
+        qd_rad_s: joints.qd_rad_s.iter().map(column).collect(),
+        ..joints.clone()
+    }
+}
+
 /// Rate of a joint at a row: as telemetry says, or from the rows around.
-fn rate(joints: &crate::measured::Joints, i: usize, k: usize) -> f64 {
+fn rate(joints: &Joints, i: usize, k: usize) -> f64 {
     let told = joints.qd_rad_s.get(i).map(|rates| rates[k]).filter(|rate| rate.is_finite());
     told.unwrap_or_else(|| {
         let (a, b) = (k.saturating_sub(1), (k + 1).min(joints.t_s.len() - 1));
