@@ -61,8 +61,10 @@ fn kinematic(args: &KinematicArgs) -> Result<()> {
         measured.iter().flat_map(of).collect()
     };
     let still = observe(false);
-    // Each still pose gives three numbers; twice as many as unknowns leave something for the noise.
-    let enough = 3 * still.len() >= 2 * (2 * plant.link_count() + 2);
+    // Each still pose gives three numbers; five more than unknowns leave something to tell the noise by. Interpolation
+    // between slow telemetry adds errors in motion that the intervals do not count.
+    let unknowns = if args.each_length { 2 * plant.link_count() + 2 } else { plant.link_count() + 4 };
+    let enough = 3 * still.len() >= unknowns + 5;
     let observations = if enough || args.still { still } else { observe(true) };
     let noise = [plant.sensors.mocap_position_m.max(1e-5), plant.sensors.mocap_angle_rad.max(1e-5)];
     let choice = Choice { each_length: args.each_length };
@@ -75,7 +77,11 @@ fn kinematic(args: &KinematicArgs) -> Result<()> {
     println!(
         "{} observations of the end-effector, {}",
         observations.len(),
-        if enough || args.still { "still poses" } else { "in motion too" }
+        if enough || args.still {
+            "still poses"
+        } else {
+            "in motion too (the intervals leave out what interpolation between telemetry adds)"
+        }
     );
     print(&estimate);
     let text = kinematic::calibrated(&plant, &estimate).to_toml().into_diagnostic()?;
