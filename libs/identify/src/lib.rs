@@ -1,15 +1,26 @@
-//! Where a simulation differs from what was measured.
+//! Where a simulation differs from what was measured, and why.
 //!
 //! - [`calibrate`]: parameters of the plant from measured runs.
 //! - [`measured`]: the runs of an experiment as plain series.
 //! - [`smoother`]: joint motion between slow telemetry.
 //! - [`workspace`]: reach and manipulability.
+//! - [`diagnosis`]: the whole answer.
 //! - [`misfit`]: the plant simulated in windows with a free initial state, and its error over what noise alone would give.
-//!
-//! Causes are not named yet.
 
 pub mod calibrate;
+mod clamped;
+mod contest;
+pub mod diagnosis;
+mod evidence;
+mod floating;
+mod hypothesis;
 pub mod measured;
 pub mod misfit;
+mod normal;
+mod sensitivity;
 pub mod smoother;
 pub mod workspace;
+mod tolerance;
+mod trial;
+mod uncertain;
+pub mod unexplained;

@@ -104,4 +104,22 @@ impl Many {
         }
         Some(slope(a) + (slope(b) - slope(a)) * (t_s - middle(a)) / (middle(b) - middle(a)))
     }
+
+    /// A joint's acceleration at `t_s`: the second difference of the three rows around it, zero outside.
+    pub fn acceleration_at(&self, joint: usize, t_s: f64) -> Option<f64> {
+        let values = self.values.get(joint)?;
+        let n = self.t_s.len();
+        if n < 3 || t_s < self.t_s[0] || t_s > self.t_s[n - 1] {
+            return Some(0.0);
+        }
+        let slope = |i: usize| (values[i + 1] - values[i]) / (self.t_s[i + 1] - self.t_s[i]);
+        let second = |i: usize| (slope(i) - slope(i - 1)) / (0.5 * (self.t_s[i + 1] - self.t_s[i - 1]));
+        let before = self.t_s.partition_point(|t| *t <= t_s).saturating_sub(1).clamp(1, n - 2);
+        let after = (before + 1).min(n - 2);
+        if after == before {
+            return Some(second(before));
+        }
+        let share = ((t_s - self.t_s[before]) / (self.t_s[after] - self.t_s[before])).clamp(0.0, 1.0);
+        Some(second(before) + share * (second(after) - second(before)))
+    }
 }

@@ -7,7 +7,6 @@
 
 mod arm;
 mod base;
-mod geometry;
 
 use crate::measured::{Drive, Run};
 use fss_multibody::ModelError;
@@ -18,7 +17,8 @@ use fss_plant::Plant;
 pub struct ChannelMisfit {
     /// The run.
     pub run: String,
-    /// `base_x`, `base_y`, `base_theta`, `gyro`, `ee_x`, `ee_y`, `ee_theta`, `q1` and so on.
+    /// `base_x`, `base_y`, `base_theta`, `gyro`, `ee_x`, `ee_y`, `ee_theta`; `torque1` and so on, the torque sensor against
+    /// the motion; `current1` and so on, the torque sensor against the current; `q1`, `qd1` of a clamped arm.
     pub channel: String,
     /// RMS of measured less simulated, SI units.
     pub rms: f64,
@@ -46,7 +46,7 @@ pub struct Windows {
 }
 
 impl Windows {
-    /// What suits a plant and its runs: 4 s of a floating base; 0.5 s of an arm that is driven by a measured current, whose
+    /// What suits a plant and its runs: 5 s of a floating base; 0.5 s of an arm that is driven by a measured current, whose
     /// errors add up; 4.5 s of one free link and 2 s of several, whose motion is chaotic.
     pub fn suited_to(plant: &Plant, runs: &[Run]) -> Self {
         let driven = runs.iter().any(|run| run.drive == Drive::Current);
@@ -55,7 +55,7 @@ impl Windows {
             (false, 1) => 4.5,
             _ => 2.0,
         };
-        Self { base_s: 4.0, arm_s }
+        Self { base_s: 5.0, arm_s }
     }
 }
 
@@ -64,7 +64,7 @@ impl Windows {
 /// # Errors
 /// Where the plant's effects make a mass or an inertia impossible.
 pub fn of_run(plant: &Plant, run: &Run, windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
-    if plant.base.clamped { arm::misfit(plant, run, windows.arm_s) } else { base::misfit(plant, run, windows.base_s) }
+    if plant.base.clamped && run.drive != Drive::Servo { arm::misfit(plant, run, windows.arm_s) } else { base::misfit(plant, run, windows) }
 }
 
 /// Residuals of one channel as they are gathered.

@@ -2,11 +2,11 @@
 //!
 //! Encoder angles come 5 times a second, the base's motion is wanted 100 times. A joint's deviation from its command is
 //! smooth: it is taken for a process with white jerk (state: deviation, rate, acceleration) that angles and rates
-//! measure, filtered forward and smoothed backward (Rauch, Tung and Striebel, 1965). How strong the jerk is, the data
+//! measure, filtered forward and smoothed backward (Bryson and Frazier, 1963; Bierman, 1973). How strong the jerk is, the data
 //! say: the strength with the largest likelihood of the innovations wins, so that a resting joint is smoothed hard
 //! and a shaking one hardly.
 
-use nalgebra::{Matrix3, RowVector3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// A measurement of the deviation at one time; what was not measured is `None`.
 #[derive(Clone, Copy, Debug)]
@@ -31,13 +31,25 @@ pub struct Noise {
 /// What is not known before the first measurement: rad, rad/s, rad/s2.
 const START_SD: [f64; 3] = [0.5, 1.0, 3.0];
 /// Densities of white jerk that are tried, rad/s3 per root Hz.
-const JERKS: [f64; 9] = [1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.5, 2.0];
+const JERKS: [f64; 12] = [1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
 
+/// One measured component: which of the state it shows, innovation, its variance, gain.
 #[derive(Clone, Copy)]
-struct Estimate {
+struct Update {
+    component: usize,
+    innovation: f64,
+    variance: f64,
+    gain: Vector3<f64>,
+}
+
+/// The filter at one time, after what was measured then.
+#[derive(Clone)]
+struct Step {
     t_s: f64,
     mean: Vector3<f64>,
     covariance: Matrix3<f64>,
+    updates: [Option<Update>; 2],
+    on_grid: bool,
 }
 
 /// What is known of the deviation at one time.
@@ -47,10 +59,14 @@ pub struct Smoothed {
     pub angle: f64,
     /// Its rate, rad/s.
     pub rate: f64,
+    /// Its second derivative, rad/s2.
+    pub acceleration: f64,
     /// Variance of the deviation, rad2.
     pub angle_variance: f64,
     /// Variance of the rate, rad2/s2.
     pub rate_variance: f64,
+    /// Variance of the second derivative, rad2/s4.
+    pub acceleration_variance: f64,
 }
 
 /// The deviation at the times of `grid_s` (increasing), from measurements in the order of time; zeros, and certain, without
@@ -59,16 +75,15 @@ pub fn smooth(measurements: &[Measurement], noise: Noise, grid_s: &[f64]) -> Vec
     if measurements.is_empty() {
         return vec![Smoothed::default(); grid_s.len()];
     }
-    let likelihood = |jerk: f64| filter(measurements, noise, jerk, &[]).1;
     let mut best = (JERKS[0], f64::NEG_INFINITY);
     for jerk in JERKS {
-        let l = likelihood(jerk);
-        if l > best.1 {
-            best = (jerk, l);
+        let likelihood = filter(measurements, noise, jerk, &[]).1;
+        if likelihood > best.1 {
+            best = (jerk, likelihood);
         }
     }
-    let (filtered, _) = filter(measurements, noise, best.0, grid_s);
-    backward(&filtered, best.0, grid_s)
+    let (steps, _) = filter(measurements, noise, best.0, grid_s);
+    backward(&steps)
 }
 
 fn transition(dt: f64) -> Matrix3<f64> {
@@ -81,85 +96,87 @@ fn process(dt: f64, jerk: f64) -> Matrix3<f64> {
     Matrix3::new(a, b, c, b, d, e, c, e, dt) * (jerk * jerk)
 }
 
-fn predict(from: &Estimate, t_s: f64, jerk: f64) -> Estimate {
-    let dt = t_s - from.t_s;
-    let f = transition(dt);
-    Estimate { t_s, mean: f * from.mean, covariance: f * from.covariance * f.transpose() + process(dt, jerk) }
+impl Step {
+    fn ahead(&self, t_s: f64, jerk: f64) -> Self {
+        let dt = t_s - self.t_s;
+        let f = transition(dt);
+        let covariance = f * self.covariance * f.transpose() + process(dt, jerk);
+        Self { t_s, mean: f * self.mean, covariance, updates: [None; 2], on_grid: false }
+    }
+
+    /// Takes one measured component; returns its log-likelihood.
+    fn update(&mut self, component: usize, value: f64, sd: f64) -> f64 {
+        let column: Vector3<f64> = self.covariance.column(component).into_owned();
+        let variance = column[component] + sd * sd;
+        let innovation = value - self.mean[component];
+        let gain = column / variance;
+        self.mean += gain * innovation;
+        self.covariance -= gain * column.transpose();
+        self.covariance = 0.5 * (self.covariance + self.covariance.transpose());
+        self.updates[component] = Some(Update { component, innovation, variance, gain });
+        -0.5 * (innovation * innovation / variance + variance.ln())
+    }
 }
 
-/// Takes one measurement; returns its log-likelihood.
-fn update(estimate: &mut Estimate, row: RowVector3<f64>, value: f64, sd: f64) -> f64 {
-    let ph = estimate.covariance * row.transpose();
-    let variance = (row * ph)[0] + sd * sd;
-    let innovation = value - (row * estimate.mean)[0];
-    estimate.mean += ph * (innovation / variance);
-    estimate.covariance -= ph * ph.transpose() / variance;
-    -0.5 * (innovation * innovation / variance + variance.ln())
-}
-
-/// Filtered estimates at all measurement and grid times, in order, and the log-likelihood of the measurements.
-fn filter(measurements: &[Measurement], noise: Noise, jerk: f64, grid_s: &[f64]) -> (Vec<Estimate>, f64) {
+/// The filter at all measurement and grid times, in order, and the log-likelihood of the measurements.
+fn filter(measurements: &[Measurement], noise: Noise, jerk: f64, grid_s: &[f64]) -> (Vec<Step>, f64) {
     let first = measurements.first().map_or(0.0, |m| m.t_s).min(grid_s.first().copied().unwrap_or(f64::INFINITY));
     let sd = Vector3::from(START_SD);
     let covariance = Matrix3::from_diagonal(&sd.component_mul(&sd));
-    let mut now = Estimate { t_s: first, mean: Vector3::zeros(), covariance };
+    let mut now = Step { t_s: first, mean: Vector3::zeros(), covariance, updates: [None; 2], on_grid: false };
     let mut all = Vec::with_capacity(measurements.len() + grid_s.len());
     let mut likelihood = 0.0;
     let mut grid = grid_s.iter().copied().peekable();
     for m in measurements {
         while let Some(t_s) = grid.next_if(|t| *t < m.t_s) {
-            now = predict(&now, t_s, jerk);
-            all.push(now);
+            now = Step { on_grid: true, ..now.ahead(t_s, jerk) };
+            all.push(now.clone());
         }
-        now = predict(&now, m.t_s, jerk);
-        if let Some(angle) = m.angle.filter(|v| v.is_finite()) {
-            likelihood += update(&mut now, RowVector3::new(1.0, 0.0, 0.0), angle, noise.angle);
-        }
-        if let Some(rate) = m.rate.filter(|v| v.is_finite()) {
-            likelihood += update(&mut now, RowVector3::new(0.0, 1.0, 0.0), rate, noise.rate);
-        }
-        all.push(now);
+        now = now.ahead(m.t_s, jerk);
+        likelihood += m.angle.filter(|v| v.is_finite()).map_or(0.0, |angle| now.update(0, angle, noise.angle));
+        likelihood += m.rate.filter(|v| v.is_finite()).map_or(0.0, |rate| now.update(1, rate, noise.rate));
+        all.push(now.clone());
     }
     for t_s in grid {
-        now = predict(&now, t_s, jerk);
-        all.push(now);
+        now = Step { on_grid: true, ..now.ahead(t_s, jerk) };
+        all.push(now.clone());
     }
     (all, likelihood)
 }
 
-fn backward(filtered: &[Estimate], jerk: f64, grid_s: &[f64]) -> Vec<Smoothed> {
-    let mut out = vec![Smoothed::default(); grid_s.len()];
-    let Some(last) = filtered.last() else { return out };
-    let mut smoothed = *last;
-    let mut left = grid_s.len();
-    for k in (0..filtered.len()).rev() {
-        if k + 1 < filtered.len() {
-            let here = &filtered[k];
-            let ahead = predict(here, filtered[k + 1].t_s, jerk);
-            let f = transition(ahead.t_s - here.t_s);
-            // Two estimates at one time, or a covariance that rounding has made singular: nothing to learn from ahead.
-            let gain = if ahead.t_s > here.t_s {
-                ahead.covariance.try_inverse().map(|inverse| here.covariance * f.transpose() * inverse)
-            } else {
-                Some(Matrix3::identity())
-            };
-            let gain = gain.unwrap_or_else(Matrix3::zeros);
-            smoothed = Estimate {
-                t_s: here.t_s,
-                mean: here.mean + gain * (smoothed.mean - ahead.mean),
-                covariance: here.covariance + gain * (smoothed.covariance - ahead.covariance) * gain.transpose(),
-            };
+/// Modified Bryson-Frazier smoother: the adjoint of the innovations runs back through the filter, and no covariance, which a
+/// weak process leaves near singular, has to be inverted.
+fn backward(steps: &[Step]) -> Vec<Smoothed> {
+    let mut out = Vec::new();
+    let (mut adjoint, mut information) = (Vector3::zeros(), Matrix3::zeros());
+    for k in (0..steps.len()).rev() {
+        let step = &steps[k];
+        if step.on_grid {
+            let mean = step.mean - step.covariance * adjoint;
+            let covariance = step.covariance - step.covariance * information * step.covariance;
+            out.push(Smoothed {
+                angle: mean[0],
+                rate: mean[1],
+                acceleration: mean[2],
+                angle_variance: covariance[(0, 0)].max(0.0),
+                rate_variance: covariance[(1, 1)].max(0.0),
+                acceleration_variance: covariance[(2, 2)].max(0.0),
+            });
         }
-        while left > 0 && grid_s[left - 1] >= smoothed.t_s {
-            left -= 1;
-            out[left] = Smoothed {
-                angle: smoothed.mean[0],
-                rate: smoothed.mean[1],
-                angle_variance: smoothed.covariance[(0, 0)].max(0.0),
-                rate_variance: smoothed.covariance[(1, 1)].max(0.0),
-            };
+        for update in step.updates.iter().rev().flatten() {
+            let mut row = Vector3::zeros();
+            row[update.component] = 1.0;
+            let keep = Matrix3::identity() - update.gain * row.transpose();
+            adjoint = keep.transpose() * adjoint - row * (update.innovation / update.variance);
+            information = keep.transpose() * information * keep + row * row.transpose() / update.variance;
+        }
+        if k > 0 {
+            let f = transition(step.t_s - steps[k - 1].t_s);
+            adjoint = f.transpose() * adjoint;
+            information = f.transpose() * information * f;
         }
     }
+    out.reverse();
     out
 }
 

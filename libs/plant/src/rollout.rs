@@ -95,6 +95,11 @@ impl Rollout {
         &self.stages[self.stage(t_s)].1
     }
 
+    /// The mechanism at `t_s`.
+    pub fn model(&self, t_s: f64) -> &Model {
+        &self.stages[self.stage(t_s)].2
+    }
+
     fn stage(&self, t_s: f64) -> usize {
         self.stages.iter().rposition(|(onset, ..)| t_s >= *onset).unwrap_or(0)
     }

@@ -1,0 +1,191 @@
+//! The contest of possible causes: screened all at once by what a linear fit would gain, the best refitted with the real
+//! simulation, taken one after the other as long as the data insist.
+
+mod refine;
+mod screen;
+mod select;
+
+pub(crate) use refine::Refined;
+pub(crate) use screen::Screened;
+pub(crate) use select::Selection;
+
+use crate::evidence::Evidence;
+use crate::hypothesis::{Hypothesis, hypotheses};
+use crate::measured::Run;
+use crate::misfit::Windows;
+use crate::normal::Normal;
+use crate::sensitivity::{Column, normals};
+use crate::tolerance::tolerance;
+use crate::trial::Trial;
+use crate::uncertain::{Uncertain, uncertain};
+use fss_multibody::ModelError;
+use fss_plant::Plant;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::collections::BTreeMap;
+
+/// Everything that the contest is about.
+pub(crate) struct Contest {
+    pub(crate) trial: Trial,
+    pub(crate) evidence: Evidence,
+    pub(crate) uncertain: Vec<Uncertain>,
+    pub(crate) hypotheses: Vec<Hypothesis>,
+    /// First column of each hypothesis in the screen.
+    first: Vec<usize>,
+    /// Of each cell: what may be absorbed (unit normal a priori), then the hypotheses' coordinates.
+    screen: Vec<Normal>,
+    columns: Vec<DMatrix<f64>>,
+    nuisance_count: usize,
+    /// Mean square that whitened rows have where the plant is as right as it can be: 1 where nothing but noise is left,
+    /// more where no cause explains all. Priors are weighed against it, or they would count for nothing.
+    pub(crate) unit: f64,
+    /// Of the nuisances' normal matrix with their priors.
+    factor: Option<Cholesky<f64, Dyn>>,
+}
+
+/// A sum of squares with what the nuisances absorb taken out.
+#[derive(Clone, Debug)]
+pub(crate) struct Reduced {
+    /// What is left, and of which columns.
+    pub(crate) normal: Normal,
+    /// The nuisances at the solution without any column.
+    pub(crate) nuisance: DVector<f64>,
+}
+
+impl Contest {
+    /// Gathers the evidence of `runs` and how every cause would show in it.
+    pub(crate) fn new(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
+        let trial = Trial::of(plant);
+        let evidence = Evidence::gather(&trial, runs, windows)?;
+        let uncertain = uncertain(plant);
+        let hypotheses = hypotheses(plant, runs);
+        let raw = evidence.sensitivities(&trial, &uncertain, &hypotheses)?;
+        let (order, nuisance_count, first) = arrange(plant, &uncertain, &hypotheses);
+        let columns: Vec<DMatrix<f64>> = raw
+            .columns
+            .iter()
+            .map(|m| DMatrix::from_fn(m.nrows(), order.len(), |r, c| m[(r, order[c].0)] * order[c].1))
+            .collect();
+        let screen = normals(&evidence.cells, &columns);
+        let contest =
+            Self { trial, evidence, uncertain, hypotheses, first, screen, columns, nuisance_count, unit: 1.0, factor: None };
+        Ok(contest.with_unit(1.0))
+    }
+
+    /// The same where whitened rows have mean square `unit` at best.
+    pub(crate) fn with_unit(mut self, unit: f64) -> Self {
+        let n = self.nuisance_count;
+        let mut own = unit * DMatrix::identity(n, n);
+        for cell in &self.screen {
+            own += cell.g.view((0, 0), (n, n));
+        }
+        self.unit = unit;
+        self.factor = own.cholesky();
+        self
+    }
+
+    /// Number of columns in the screen.
+    fn width(&self) -> usize {
+        self.columns.first().map_or(0, DMatrix::ncols)
+    }
+
+    /// Columns of a hypothesis in the screen.
+    pub(crate) fn columns_of(&self, hypothesis: usize) -> Vec<usize> {
+        let first = self.first[hypothesis];
+        (first..first + self.hypotheses[hypothesis].size()).collect()
+    }
+
+    /// Residuals of all cells and extra columns, what the nuisances absorb taken out.
+    pub(crate) fn reduce(&self, residuals: &[DVector<f64>], extra: &[Column]) -> Reduced {
+        let (n, p) = (self.nuisance_count, extra.len());
+        let mut normal = Normal::zero(p);
+        let mut right = DVector::zeros(n);
+        let mut cross = DMatrix::zeros(n, p);
+        for (i, residual) in residuals.iter().enumerate() {
+            let own = self.columns[i].columns(0, n);
+            right += own.tr_mul(residual);
+            normal.c += residual.norm_squared();
+            normal.freedom += self.evidence.cells[i].freedom;
+            for (a, column) in extra.iter().enumerate() {
+                let absorbed = own.tr_mul(&column[i]);
+                let mut target = cross.column_mut(a);
+                target += absorbed;
+                normal.b[a] += column[i].dot(residual);
+                for (b, other) in extra.iter().enumerate().take(a + 1) {
+                    let dot = column[i].dot(&other[i]);
+                    normal.g[(a, b)] += dot;
+                    if a != b {
+                        normal.g[(b, a)] += dot;
+                    }
+                }
+            }
+        }
+        let (nuisance, by_column) = match &self.factor {
+            Some(factor) => (factor.solve(&right), factor.solve(&cross)),
+            None => (DVector::zeros(n), DMatrix::zeros(n, p)),
+        };
+        normal.c -= right.dot(&nuisance);
+        normal.b -= cross.tr_mul(&nuisance);
+        normal.g -= cross.tr_mul(&by_column);
+        Reduced { normal, nuisance }
+    }
+
+    /// Residuals with what the nuisances explain taken off.
+    pub(crate) fn unexplained(&self, residuals: &[DVector<f64>], nuisance: &DVector<f64>) -> Vec<DVector<f64>> {
+        let n = self.nuisance_count;
+        residuals.iter().zip(&self.columns).map(|(r, j)| r - j.columns(0, n) * nuisance).collect()
+    }
+
+    /// The channel of a run that stands out most from its noise: channel, run, RMS of its whitened rows.
+    pub(crate) fn worst(&self, refined: &Refined) -> Option<(String, String, f64)> {
+        let left = self.unexplained(&refined.residuals, &refined.nuisance);
+        let mut sums: BTreeMap<(usize, usize), (f64, usize)> = BTreeMap::new();
+        for (cell, residual) in self.evidence.cells.iter().zip(&left) {
+            let span = &self.evidence.records[cell.record].spans()[cell.window];
+            for (row, r) in span.whitening.iter().zip(residual.iter()) {
+                let sum = sums.entry((cell.record, row.channel)).or_default();
+                sum.0 += r * r;
+                sum.1 += 1;
+            }
+        }
+        let rms = |(key, (sum, count)): (&(usize, usize), &(f64, usize))| (*key, (sum / *count as f64).sqrt());
+        let ((record, channel), rms) = sums.iter().map(rms).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let record = &self.evidence.records[record];
+        Some((record.channels()[channel].clone(), record.name().to_owned(), rms))
+    }
+
+    /// Largest RMS of a channel of a run over its noise.
+    pub(crate) fn worst_channel(&self, refined: &Refined) -> f64 {
+        self.worst(refined).map_or(0.0, |(_, _, rms)| rms)
+    }
+
+    /// The plant with its uncertain values where the nuisances put them.
+    pub(crate) fn settled(&self, nuisance: &DVector<f64>) -> Plant {
+        let mut plant = self.trial.plant.clone();
+        for (u, by) in self.uncertain.iter().zip(nuisance.iter()) {
+            // Far beyond its deviation an uncertain value would be a cause of its own.
+            plant = u.moved(&plant, by.clamp(-4.0, 4.0));
+        }
+        plant.effects.clone_from(&self.trial.effects);
+        plant
+    }
+}
+
+/// Which raw column stands where in the screen, and times what: uncertain values, tolerances, hypotheses.
+fn arrange(plant: &Plant, uncertain: &[Uncertain], hypotheses: &[Hypothesis]) -> (Vec<(usize, f64)>, usize, Vec<usize>) {
+    let mut order: Vec<(usize, f64)> = (0..uncertain.len()).map(|i| (i, 1.0)).collect();
+    let mut raw = uncertain.len();
+    for hypothesis in hypotheses {
+        let sds = tolerance(hypothesis, plant).unwrap_or_default();
+        order.extend(sds.iter().take(hypothesis.size()).enumerate().map(|(i, sd)| (raw + i, *sd)));
+        raw += hypothesis.size();
+    }
+    let nuisance_count = order.len();
+    let mut first = Vec::with_capacity(hypotheses.len());
+    let mut raw = uncertain.len();
+    for hypothesis in hypotheses {
+        first.push(order.len());
+        order.extend((0..hypothesis.size()).map(|i| (raw + i, 1.0)));
+        raw += hypothesis.size();
+    }
+    (order, nuisance_count, first)
+}

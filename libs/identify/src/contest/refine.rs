@@ -1,0 +1,200 @@
+//! A few causes at once, refitted with the real simulation.
+
+use super::{Contest, Reduced};
+use crate::evidence::Cell;
+use crate::normal::Fit;
+use crate::sensitivity::Column;
+use crate::trial::Trial;
+use fss_multibody::ModelError;
+use fss_plant::Effect;
+use nalgebra::{DMatrix, DVector};
+
+/// Rounds of Gauss-Newton.
+const ROUNDS: usize = 6;
+
+/// Causes with the values that fit best.
+#[derive(Clone)]
+pub(crate) struct Refined {
+    /// Index of each in the contest's hypotheses.
+    pub(crate) hypotheses: Vec<usize>,
+    pub(crate) effects: Vec<Effect>,
+    /// Sum of squares, what the nuisances absorb taken out.
+    pub(crate) chi2: f64,
+    pub(crate) freedom: f64,
+    /// Covariance of all parameters, in order, where the rows are white.
+    pub(crate) covariance: DMatrix<f64>,
+    /// What the nuisances have absorbed.
+    pub(crate) nuisance: DVector<f64>,
+    /// Residuals of the cells.
+    pub(crate) residuals: Vec<DVector<f64>>,
+    /// Columns of the parameters at the solution.
+    pub(crate) columns: Vec<Column>,
+}
+
+struct Point {
+    effects: Vec<Effect>,
+    cells: Vec<Cell>,
+    residuals: Vec<DVector<f64>>,
+}
+
+impl Contest {
+    /// The plant as it is, no cause taken.
+    pub(crate) fn nothing(&self) -> Refined {
+        let residuals: Vec<DVector<f64>> = self.evidence.cells.iter().map(|c| c.residual.clone()).collect();
+        let Reduced { normal, nuisance } = self.reduce(&residuals, &[]);
+        Refined {
+            hypotheses: Vec::new(),
+            effects: Vec::new(),
+            chi2: normal.c,
+            freedom: normal.freedom,
+            covariance: DMatrix::zeros(0, 0),
+            nuisance,
+            residuals,
+            columns: Vec::new(),
+        }
+    }
+
+    /// Fits the parameters of `effects`, beginning at their values.
+    pub(crate) fn refine(&self, hypotheses: &[usize], effects: &[Effect]) -> Result<Refined, ModelError> {
+        let mut now = self.point(effects)?;
+        let mut columns = self.columns_at(hypotheses, &now)?;
+        let mut reduced = self.reduce(&now.residuals, &columns);
+        for _ in 0..ROUNDS {
+            let all: Vec<usize> = (0..columns.len()).collect();
+            let fit = reduced.normal.fit(&all);
+            let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c)? else { break };
+            let gain = reduced.normal.c - better;
+            now = next;
+            columns = self.columns_at(hypotheses, &now)?;
+            reduced = self.reduce(&now.residuals, &columns);
+            if gain < 0.5 {
+                break;
+            }
+        }
+        let all: Vec<usize> = (0..columns.len()).collect();
+        let covariance = reduced.normal.fit(&all).covariance;
+        Ok(Refined {
+            hypotheses: hypotheses.to_vec(),
+            effects: now.effects,
+            chi2: reduced.normal.c,
+            freedom: reduced.normal.freedom,
+            covariance,
+            nuisance: reduced.nuisance,
+            residuals: now.residuals,
+            columns,
+        })
+    }
+
+    fn point(&self, effects: &[Effect]) -> Result<Point, ModelError> {
+        let cells = self.evidence.under(&self.trial_with(effects))?;
+        let residuals = cells.iter().map(|c| c.residual.clone()).collect();
+        Ok(Point { effects: effects.to_vec(), cells, residuals })
+    }
+
+    /// The plant as it is with these effects too.
+    pub(crate) fn trial_with(&self, effects: &[Effect]) -> Trial {
+        let mut trial = self.trial.clone();
+        trial.effects.extend(effects.iter().cloned());
+        trial
+    }
+
+    /// A step along the fit that makes the sum of squares smaller, shortened until it does; `None` where none does.
+    fn step(
+        &self,
+        hypotheses: &[usize],
+        now: &Point,
+        fit: &Fit,
+        chi2: f64,
+    ) -> Result<Option<(Point, f64)>, ModelError> {
+        let mut length = 1.0;
+        for _ in 0..4 {
+            let mut at = 0;
+            let mut effects = Vec::with_capacity(now.effects.len());
+            for (h, effect) in hypotheses.iter().zip(&now.effects) {
+                let hypothesis = &self.hypotheses[*h];
+                let count = parameters(hypothesis.is_discrete, effect);
+                let values: Vec<f64> = (0..count)
+                    .map(|i| {
+                        let (v, by) = (effect.values()[i], length * fit.value[at + i]);
+                        // A stiffness is fitted by its inverse.
+                        if hypothesis.is_compliance() { 1.0 / (1.0 / v + by).max(1e-6) } else { v + by }
+                    })
+                    .collect();
+                at += count;
+                let moved = hypothesis.with(&values);
+                effects.push(match effect.onset_s() {
+                    Some(onset_s) => moved.from_onset(onset_s),
+                    None => moved,
+                });
+            }
+            if let Ok(next) = self.point(&effects) {
+                let better = self.reduce(&next.residuals, &[]).normal.c;
+                if better < chi2 {
+                    return Ok(Some((next, better)));
+                }
+            }
+            length *= 0.3;
+        }
+        Ok(None)
+    }
+
+    /// Columns of every parameter at the effects' values.
+    fn columns_at(&self, hypotheses: &[usize], at: &Point) -> Result<Vec<Column>, ModelError> {
+        let mut columns = Vec::new();
+        for (k, (h, effect)) in hypotheses.iter().zip(&at.effects).enumerate() {
+            let hypothesis = &self.hypotheses[*h];
+            for i in 0..parameters(hypothesis.is_discrete, effect) {
+                let about = &effect.about().parameters[i];
+                let value = effect.values()[i];
+                let mut step = (0.02 * about.scale).min(0.05 * (value - hypothesis.nominal.values()[i]).abs().max(1e-4 * about.scale));
+                if hypothesis.is_compliance() {
+                    step = 0.02 * value;
+                } else if value + step > about.upper {
+                    step = -step;
+                }
+                let mut values = effect.values().to_vec();
+                values[i] += step;
+                let mut effects = at.effects.clone();
+                effects[k] = effect.clone().with(&values);
+                let after = self.evidence.residuals(&self.trial_with(&effects), &at.cells)?;
+                let by = if hypothesis.is_compliance() { 1.0 / (value + step) - 1.0 / value } else { step };
+                columns.push(at.residuals.iter().zip(after).map(|(before, after)| (before - after) / by).collect());
+            }
+        }
+        Ok(columns)
+    }
+
+    /// Moves the onset of effect `which` to where it fits best, between the windows around it.
+    pub(crate) fn refine_onset(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
+        let Some(onset_s) = from.effects[which].onset_s() else { return Ok(from.clone()) };
+        let width_s = self.evidence.cells.first().map_or(1.0, |c| c.to_s - c.from_s);
+        let chi2 = |t_s: f64| -> Result<f64, ModelError> {
+            let mut effects = from.effects.clone();
+            effects[which] = effects[which].clone().from_onset(t_s);
+            Ok(self.reduce(&self.point(&effects)?.residuals, &[]).normal.c)
+        };
+        let mut best = (onset_s, from.chi2);
+        let mut reach_s = width_s;
+        for _ in 0..4 {
+            let middle = best.0;
+            for k in [-1.0, -0.5, 0.5, 1.0] {
+                let t_s = middle + k * reach_s;
+                if t_s > 0.0 {
+                    let now = chi2(t_s)?;
+                    if now < best.1 {
+                        best = (t_s, now);
+                    }
+                }
+            }
+            reach_s *= 0.35;
+        }
+        let mut effects = from.effects.clone();
+        effects[which] = effects[which].clone().from_onset(best.0);
+        self.refine(&from.hypotheses, &effects)
+    }
+}
+
+/// How many parameters are fitted.
+fn parameters(is_discrete: bool, effect: &Effect) -> usize {
+    if is_discrete { 0 } else { effect.values().len() }
+}

@@ -1,0 +1,136 @@
+//! The screen: what a linear fit of each cause would gain, for all causes at once.
+
+use super::Contest;
+use crate::normal::Normal;
+use fss_plant::Effect;
+use nalgebra::{DMatrix, DVector};
+
+/// A cause as the screen sees it.
+#[derive(Clone, Debug)]
+pub(crate) struct Screened {
+    pub(crate) hypothesis: usize,
+    /// Fall of the sum of squares, beyond what is taken already.
+    pub(crate) gain: f64,
+    pub(crate) effect: Effect,
+}
+
+/// An onset has to gain this much, and this share, over being there from the start.
+const ONSET_GAIN: f64 = 40.0;
+const ONSET_SHARE: f64 = 0.1;
+
+impl Contest {
+    /// All causes beside those `taken`, best first, where `residuals` is what is left now.
+    pub(crate) fn screen(&self, residuals: &[DVector<f64>], taken: &[usize]) -> Vec<Screened> {
+        let always = self.screen_from(residuals, taken, 0.0);
+        let mut best = always;
+        for onset_s in self.onsets_s() {
+            for (own, late) in best.iter_mut().zip(self.screen_from(residuals, taken, onset_s)) {
+                let enough = own.gain + (ONSET_GAIN * self.unit).max(ONSET_SHARE * own.gain);
+                if late.gain > enough && own.effect.onset_s().is_none_or(|_| late.gain > own.gain) {
+                    *own = late;
+                }
+            }
+        }
+        best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        best
+    }
+
+    /// Times at which something could have begun: where windows begin.
+    fn onsets_s(&self) -> Vec<f64> {
+        let mut starts: Vec<f64> = self.evidence.cells.iter().map(|c| c.from_s).filter(|t| *t > 1.0).collect();
+        starts.sort_by(f64::total_cmp);
+        starts.dedup_by(|a, b| (*a - *b).abs() < 1.0);
+        // A clamped arm has many short windows: a dozen places to begin are enough to look at.
+        let stride = starts.len().div_ceil(12).max(1);
+        starts.into_iter().step_by(stride).collect()
+    }
+
+    /// The screen with all causes beginning at `onset_s`.
+    fn screen_from(&self, residuals: &[DVector<f64>], taken: &[usize], onset_s: f64) -> Vec<Screened> {
+        let (width, n) = (self.width(), self.nuisance_count);
+        let mut sum = Normal::zero(width);
+        for (i, cell) in self.screen.iter().enumerate() {
+            let late = self.evidence.cells[i].from_s < onset_s - 1e-6;
+            if late {
+                // Only the nuisances act here.
+                let mut own = sum.g.view_mut((0, 0), (n, n));
+                own += cell.g.view((0, 0), (n, n));
+                let mut right = sum.b.rows_mut(0, n);
+                right += self.columns[i].columns(0, n).tr_mul(&residuals[i]);
+            } else {
+                sum.g += &cell.g;
+                sum.b += self.columns[i].tr_mul(&residuals[i]);
+            }
+            sum.c += residuals[i].norm_squared();
+            sum.freedom += cell.freedom;
+        }
+        let absorbed = sum.absorbed(n, self.unit);
+        let own: Vec<usize> = taken.iter().flat_map(|h| self.columns_of(*h)).collect();
+        let before = absorbed.fit(&own).gain;
+        (0..self.hypotheses.len())
+            .map(|h| {
+                let mut columns = own.clone();
+                let new = self.columns_of(h);
+                columns.extend(new.iter().filter(|c| !own.contains(c)));
+                let fit = absorbed.fit(&columns);
+                let value: Vec<f64> = columns.iter().zip(fit.value.iter()).filter(|(c, _)| new.contains(c)).map(|(_, v)| *v).collect();
+                let (gain, effect) = self.within_bounds(h, &value, fit.gain - before, &absorbed);
+                let effect = if onset_s > 0.0 { effect.from_onset(onset_s) } else { effect };
+                Screened { hypothesis: h, gain, effect }
+            })
+            .collect()
+    }
+
+    /// The effect within its bounds, and what is left of its gain there.
+    fn within_bounds(&self, h: usize, value: &[f64], gain: f64, absorbed: &Normal) -> (f64, Effect) {
+        let hypothesis = &self.hypotheses[h];
+        let effect = hypothesis.at(value);
+        if hypothesis.is_discrete {
+            // There or not there: all of it.
+            let columns = self.columns_of(h);
+            return (-absorbed.change(&columns, &DVector::from_element(1, 1.0)), effect);
+        }
+        if hypothesis.has_shape {
+            let possible = value[0] > 0.0 || hypothesis.nominal.about().parameters[0].lower < 0.0;
+            return (if possible { gain } else { 0.0 }, effect);
+        }
+        if hypothesis.is_compliance() {
+            return (if value[0] > 0.0 { gain } else { 0.0 }, effect);
+        }
+        let possible: Vec<f64> =
+            effect.values().iter().zip(hypothesis.nominal.values()).take(value.len()).map(|(v, n)| v - n).collect();
+        if possible.iter().zip(value).all(|(a, b)| (a - b).abs() < 1e-12 + 1e-9 * b.abs()) {
+            return (gain, effect);
+        }
+        // At a bound: what the columns that stay inside still gain.
+        let columns = self.columns_of(h);
+        let inside: Vec<usize> =
+            (0..value.len()).filter(|i| (possible[*i] - value[*i]).abs() < 1e-12 + 1e-9 * value[*i].abs()).collect();
+        let fit = absorbed.fit(&inside.iter().map(|i| columns[*i]).collect::<Vec<_>>());
+        let mut again = vec![0.0; value.len()];
+        inside.iter().zip(fit.value.iter()).for_each(|(i, v)| again[*i] = *v);
+        (fit.gain.min(gain), hypothesis.at(&again))
+    }
+
+    /// Cosines between what is left of any two causes once the nuisances have absorbed theirs: the largest between their
+    /// coordinates' spaces. 1 is two causes that these data cannot tell apart.
+    pub(crate) fn confusability(&self, causes: &[usize]) -> DMatrix<f64> {
+        let total = Normal::sum(self.width(), self.screen.iter()).absorbed(self.nuisance_count, self.unit);
+        DMatrix::from_fn(causes.len(), causes.len(), |i, j| {
+            if i == j { 1.0 } else { cosine(&total, &self.columns_of(causes[i]), &self.columns_of(causes[j])) }
+        })
+    }
+}
+
+/// Largest cosine between a direction of `a` and the space of `b`.
+fn cosine(total: &Normal, a: &[usize], b: &[usize]) -> f64 {
+    let block = |x: &[usize], y: &[usize]| DMatrix::from_fn(x.len(), y.len(), |i, j| total.g[(x[i], y[j])]);
+    let root = |m: DMatrix<f64>| {
+        let eigen = m.symmetric_eigen();
+        let floor = 1e-9 * eigen.eigenvalues.max();
+        let scale = eigen.eigenvalues.map(|v| if v > floor && v > 0.0 { 1.0 / v.sqrt() } else { 0.0 });
+        &eigen.eigenvectors * DMatrix::from_diagonal(&scale) * eigen.eigenvectors.transpose()
+    };
+    let between = root(block(a, a)) * block(a, b) * root(block(b, b));
+    between.singular_values().max().min(1.0)
+}

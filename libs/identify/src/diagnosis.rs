@@ -1,0 +1,277 @@
+//! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
+
+use crate::contest::{Contest, Refined, Selection};
+use crate::measured::Run;
+use crate::misfit::{ChannelMisfit, Windows, of_run};
+use crate::unexplained::{Unexplained, describe};
+use fss_multibody::ModelError;
+use fss_plant::{Effect, Plant};
+use rayon::prelude::*;
+
+/// Mean square of the whitened residuals below which noise alone explains them.
+const CONSISTENT: f64 = 1.25;
+/// RMS of one channel in one run over its noise, below which nothing is said of it.
+const CONSISTENT_CHANNEL: f64 = 1.6;
+/// Mean square beyond which something is left that no cause explains.
+const ALL_EXPLAINED: f64 = 1.5;
+/// Mean square beyond which names are given only to what explains most of the misfit.
+const DOUBTFUL: f64 = 2.0;
+/// Share of the misfit that causes must explain then.
+const MOST: f64 = 0.7;
+/// A second or later cause is asserted only if it is this probable among its rivals.
+const SURE: f64 = 0.7;
+
+/// What the diagnosis comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Noise, room air and stated uncertainty explain the data.
+    Consistent,
+    /// The causes asserted explain what was wrong.
+    Explained,
+    /// They explain most of it.
+    PartlyExplained,
+    /// Something is wrong that no known effect explains.
+    Unexplained,
+}
+
+impl Verdict {
+    /// The word in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Explained => "explained",
+            Self::PartlyExplained => "partly_explained",
+            Self::Unexplained => "unexplained",
+        }
+    }
+}
+
+/// A cause that is asserted.
+#[derive(Clone, Debug)]
+pub struct Cause {
+    /// The effect with its values.
+    pub effect: Effect,
+    /// Standard deviations of its parameters, in their order; none for an exchange of wires.
+    pub std: Vec<f64>,
+    /// Probability that this is the cause, among all that were tried.
+    pub probability: f64,
+    /// Fall of the sum of squares, in units of what one degree of freedom has.
+    pub gain: f64,
+    /// Share of its gain that it keeps in runs left out of the fit.
+    pub kept: f64,
+    /// What else it could be, most probable first.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// Another cause in the place of an asserted one.
+#[derive(Clone, Debug)]
+pub struct Alternative {
+    /// The effect with the values that would fit best.
+    pub effect: Effect,
+    /// Its probability.
+    pub probability: f64,
+}
+
+/// RMS over the noise of all channels of the validation runs (of the fitted ones where there are none).
+#[derive(Clone, Copy, Debug)]
+pub struct Gain {
+    /// With the plant as given, its uncertain values settled.
+    pub before: f64,
+    /// With the extended model.
+    pub after: f64,
+}
+
+/// A cause as a linear fit sees it, for the ranking of the report.
+#[derive(Clone, Debug)]
+pub struct Ranked {
+    /// The effect at the linear estimate.
+    pub effect: Effect,
+    /// Share of the misfit that it alone would explain.
+    pub share: f64,
+}
+
+/// The answer.
+pub struct Diagnosis {
+    /// What it comes to.
+    pub verdict: Verdict,
+    /// What is asserted, strongest first.
+    pub causes: Vec<Cause>,
+    /// Causes that fitted best where nothing is asserted.
+    pub suspects: Vec<Cause>,
+    /// The first ranking of all causes, best first.
+    pub ranking: Vec<Ranked>,
+    /// Cosines between the first few of the ranking: 1 where these data cannot tell two apart.
+    pub confusability: Vec<Vec<f64>>,
+    /// What is left unexplained.
+    pub unexplained: Option<Unexplained>,
+    /// Misfit of the runs with the plant as given, uncertain values settled.
+    pub before: Vec<ChannelMisfit>,
+    /// Misfit of the runs with the extended model.
+    pub after: Vec<ChannelMisfit>,
+    /// The same of the validation runs.
+    pub validation_before: Vec<ChannelMisfit>,
+    /// The same of the validation runs with the extended model.
+    pub validation_after: Vec<ChannelMisfit>,
+    /// What the extension gains.
+    pub gain: Gain,
+    /// Uncertain values that the data have moved: name, by how many standard deviations.
+    pub settled: Vec<(String, f64)>,
+    /// The plant with its uncertain values settled and the asserted effects.
+    pub extended: Plant,
+}
+
+/// Diagnoses measured runs of a plant.
+///
+/// # Errors
+/// Where the plant's effects make a mass or an inertia impossible.
+pub fn diagnose(
+    plant: &Plant,
+    runs: &[Run],
+    validation: &[Run],
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
+    let windows = Windows::suited_to(plant, runs);
+    progress("simulating every cause");
+    let contest = Contest::new(plant, runs, windows)?;
+    if contest.evidence.cells.is_empty() {
+        return Ok(nothing_to_say(plant));
+    }
+    let mut selection = contest.select(progress)?;
+    let unit = mean_square(&selection.after);
+    // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
+    let contest = if unit > DOUBTFUL {
+        let contest = contest.with_unit(unit);
+        selection = contest.select(progress)?;
+        contest
+    } else {
+        contest
+    };
+    let (verdict, mut causes, suspects) = judge(&contest, &selection);
+    causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    progress("measuring the gain");
+    let asserted: Vec<Effect> = causes.iter().map(|c| c.effect.clone()).collect();
+    let settled = contest.settled(&selection.before.nuisance);
+    let extended = if asserted.is_empty() {
+        settled.clone()
+    } else {
+        let mut extended = contest.settled(&selection.after.nuisance);
+        extended.effects.extend(asserted);
+        extended
+    };
+    let misfit = |plant: &Plant, runs: &[Run]| -> Result<Vec<ChannelMisfit>, ModelError> {
+        let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
+        Ok(all?.into_iter().flatten().collect())
+    };
+    let (before, after) = (misfit(&settled, runs)?, misfit(&extended, runs)?);
+    let (validation_before, validation_after) = (misfit(&settled, validation)?, misfit(&extended, validation)?);
+    let gain = if validation_before.is_empty() {
+        Gain { before: overall(&before), after: overall(&after) }
+    } else {
+        Gain { before: overall(&validation_before), after: overall(&validation_after) }
+    };
+    let unexplained = match verdict {
+        Verdict::Unexplained | Verdict::PartlyExplained => {
+            progress("looking at what is left");
+            let seen = if verdict == Verdict::Unexplained { &selection.before } else { &selection.after };
+            Some(describe(&contest, seen, runs)?)
+        }
+        _ => None,
+    };
+    let (ranking, confusability) = ranking(&contest, &selection);
+    let settled = contest.uncertain.iter().zip(selection.after.nuisance.iter()).map(|(u, z)| (u.name.clone(), *z)).collect();
+    Ok(Diagnosis {
+        verdict,
+        causes,
+        suspects,
+        ranking,
+        confusability,
+        unexplained,
+        before,
+        after,
+        validation_before,
+        validation_after,
+        gain,
+        settled,
+        extended,
+    })
+}
+
+fn nothing_to_say(plant: &Plant) -> Diagnosis {
+    Diagnosis {
+        verdict: Verdict::Consistent,
+        causes: Vec::new(),
+        suspects: Vec::new(),
+        ranking: Vec::new(),
+        confusability: Vec::new(),
+        unexplained: None,
+        before: Vec::new(),
+        after: Vec::new(),
+        validation_before: Vec::new(),
+        validation_after: Vec::new(),
+        gain: Gain { before: 1.0, after: 1.0 },
+        settled: Vec::new(),
+        extended: plant.clone(),
+    }
+}
+
+fn mean_square(refined: &Refined) -> f64 {
+    refined.chi2 / refined.freedom.max(1.0)
+}
+
+/// Verdict, asserted causes, suspects.
+fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<Cause>) {
+    let all: Vec<Cause> = selection
+        .taken
+        .iter()
+        .map(|t| Cause {
+            effect: t.effect.clone(),
+            std: t.std.clone(),
+            probability: t.probability,
+            gain: t.gain,
+            kept: t.kept,
+            alternatives: t
+                .alternatives
+                .iter()
+                .map(|a| Alternative { effect: a.effect.clone(), probability: a.probability })
+                .collect(),
+        })
+        .collect();
+    let left = mean_square(&selection.after);
+    if all.is_empty() {
+        let quiet = left < CONSISTENT && contest.worst_channel(&selection.after) < CONSISTENT_CHANNEL;
+        return (if quiet { Verdict::Consistent } else { Verdict::Unexplained }, Vec::new(), Vec::new());
+    }
+    let excess = selection.before.chi2 - selection.before.freedom;
+    let share = if excess > 0.0 { (selection.before.chi2 - selection.after.chi2) / excess } else { 1.0 };
+    if left > DOUBTFUL && share < MOST {
+        return (Verdict::Unexplained, Vec::new(), all);
+    }
+    let (asserted, doubtful): (Vec<_>, Vec<_>) =
+        all.into_iter().enumerate().partition(|(i, c)| *i == 0 || c.probability >= SURE);
+    let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
+    let whole = left < ALL_EXPLAINED && doubtful.is_empty() && contest.worst_channel(&selection.after) < 2.0 * CONSISTENT_CHANNEL;
+    (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, strip(asserted), strip(doubtful))
+}
+
+fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f64>>) {
+    const SHOWN: usize = 10;
+    let excess = (selection.before.chi2 - selection.before.freedom).max(1.0);
+    let mut shown = Vec::new();
+    for s in &selection.screened {
+        let twin = |o: &&crate::contest::Screened| contest.hypotheses[o.hypothesis].nominal == contest.hypotheses[s.hypothesis].nominal;
+        if shown.len() < SHOWN && !shown.iter().any(|o| twin(o)) {
+            shown.push(s);
+        }
+    }
+    let causes: Vec<usize> = shown.iter().map(|s| s.hypothesis).collect();
+    let cosines = contest.confusability(&causes);
+    let rows = (0..causes.len()).map(|i| (0..causes.len()).map(|j| cosines[(i, j)]).collect()).collect();
+    let ranked = shown.iter().map(|s| Ranked { effect: s.effect.clone(), share: (s.gain / excess).clamp(0.0, 1.0) });
+    (ranked.collect(), rows)
+}
+
+/// RMS of the ratios of all channels; those of unknown noise decide nothing.
+fn overall(misfits: &[ChannelMisfit]) -> f64 {
+    let ratios: Vec<f64> = misfits.iter().map(ChannelMisfit::ratio).filter(|r| r.is_finite()).collect();
+    (ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len().max(1) as f64).sqrt()
+}

@@ -1,0 +1,228 @@
+//! What the data say about any number of small changes of the plant at once.
+//!
+//! Each window is a cell. Its own unknowns (initial state, the room's force with its prior) are projected out, so that
+//! what remains of the whitened residual `r` and of each sensitivity `J_k` lies beside everything that they could absorb:
+//! with `M` the projector, `J_i' M J_j` and `J_k' M r` hold all that a linear fit of any subset of changes needs. The
+//! sums over windows or runs are then as cheap as they are small.
+
+use crate::measured::{Drive, Run};
+use crate::misfit::Windows;
+use crate::trial::{Record, Span, Trial};
+use crate::{clamped::Clamped, floating::Floating};
+use fss_multibody::ModelError;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Rounds of Gauss-Newton for a window's own unknowns.
+const ROUNDS: usize = 8;
+/// The same, from where another trial left them.
+const ROUNDS_AGAIN: usize = 2;
+
+/// The runs of an experiment, ready to be simulated.
+pub(crate) struct Evidence {
+    pub(crate) records: Vec<Box<dyn Record>>,
+    /// One a window, over all runs.
+    pub(crate) cells: Vec<Cell>,
+}
+
+/// One window, its own unknowns fitted under a trial.
+#[derive(Clone)]
+pub(crate) struct Cell {
+    pub(crate) record: usize,
+    pub(crate) window: usize,
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
+    pub(crate) unknowns: Vec<f64>,
+    /// Orthonormal columns: what the window's own unknowns can do to the whitened rows.
+    absorbed: DMatrix<f64>,
+    /// What is left of the whitened residual.
+    pub(crate) residual: DVector<f64>,
+    /// Degrees of freedom.
+    pub(crate) freedom: f64,
+}
+
+impl Evidence {
+    /// Cuts the runs into windows and fits each window's own unknowns under `trial`.
+    pub(crate) fn gather(trial: &Trial, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
+        let mut records: Vec<Box<dyn Record>> = Vec::new();
+        for run in runs {
+            let clamped = trial.plant.base.clamped && run.drive != Drive::Servo;
+            if clamped {
+                records.extend(Clamped::new(trial, run, windows.arm_s).map(|r| Box::new(r) as Box<dyn Record>));
+            } else {
+                records.extend(Floating::new(trial, run, windows.base_s)?.map(|r| Box::new(r) as Box<dyn Record>));
+            }
+        }
+        let cells = cells(&records, trial, &[])?;
+        Ok(Self { records, cells })
+    }
+
+    /// The same cells under another trial: fitted anew where motion is chaotic, else with the unknowns of before.
+    pub(crate) fn under(&self, trial: &Trial) -> Result<Vec<Cell>, ModelError> {
+        if self.records.iter().any(|r| r.is_chaotic()) {
+            return cells(&self.records, trial, &self.cells);
+        }
+        let mut out = self.cells.clone();
+        for (cell, residual) in out.iter_mut().zip(self.residuals(trial, &self.cells)?) {
+            cell.residual = residual;
+        }
+        Ok(out)
+    }
+
+    /// Projected residuals of all cells under a trial, the windows' own unknowns as in `cells`.
+    pub(crate) fn residuals(&self, trial: &Trial, cells: &[Cell]) -> Result<Vec<DVector<f64>>, ModelError> {
+        let of_record = |r: usize| -> Result<Vec<DVector<f64>>, ModelError> {
+            let flight = self.records[r].flight(trial)?;
+            let spans = self.records[r].spans();
+            let of = |cell: &Cell| {
+                let rows = flight.residuals(cell.window, std::slice::from_ref(&cell.unknowns)).remove(0);
+                cell.project(&spans[cell.window], &rows)
+            };
+            Ok(cells.iter().filter(|c| c.record == r).map(of).collect())
+        };
+        let parts: Result<Vec<_>, _> = (0..self.records.len()).into_par_iter().map(of_record).collect();
+        Ok(parts?.into_iter().flatten().collect())
+    }
+}
+
+fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
+    let of_record = |(r, record): (usize, &Box<dyn Record>)| -> Result<Vec<Cell>, ModelError> {
+        let flight = record.flight(trial)?;
+        let spans = record.spans().iter().enumerate();
+        Ok(spans
+            .filter_map(|(w, span)| {
+                let old = before.iter().find(|c| c.record == r && c.window == w);
+                if !before.is_empty() && old.is_none() {
+                    return None;
+                }
+                let start = old.map(|c| &c.unknowns);
+                let rounds = if start.is_some() { ROUNDS_AGAIN } else { ROUNDS };
+                let of = |x: &[Vec<f64>]| flight.residuals(w, x);
+                let fresh = Cell::fit(r, w, span, start.unwrap_or(&span.guess), rounds, &of);
+                // A cell that was there stays there, or sums over cells could not be compared.
+                fresh.or_else(|| old.cloned())
+            })
+            .collect())
+    };
+    let parts: Result<Vec<_>, _> = records.par_iter().enumerate().map(of_record).collect();
+    Ok(parts?.into_iter().flatten().collect())
+}
+
+impl Cell {
+    /// Fits a window's own unknowns by Gauss-Newton with differences; `None` where they are not determined.
+    fn fit(
+        record: usize,
+        window: usize,
+        span: &Span,
+        guess: &[f64],
+        rounds: usize,
+        residuals: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>,
+    ) -> Option<Self> {
+        let n = guess.len();
+        let mut unknowns = guess.to_vec();
+        let mut cell: Option<Self> = None;
+        let mut last = f64::INFINITY;
+        let mut change = DVector::zeros(n);
+        for _ in 0..rounds {
+            let (jacobian, residual) = linearized(span, &unknowns, residuals);
+            let now = residual.norm_squared();
+            if !now.is_finite() {
+                return None;
+            }
+            if now > 1.5 * last {
+                // Too far: half the way back.
+                change *= 0.5;
+                unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u -= c);
+                continue;
+            }
+            last = now;
+            let (absorbed, step) = least_squares(&jacobian, &residual)?;
+            let left = &residual - &absorbed * (absorbed.transpose() * &residual);
+            let converged = now - left.norm_squared() < 1e-3 * now + 1e-3;
+            cell = Some(Self {
+                record,
+                window,
+                from_s: span.from_s,
+                to_s: span.to_s,
+                unknowns: unknowns.clone(),
+                absorbed,
+                residual: left,
+                freedom: (residual.len() as f64 - n as f64).max(1.0),
+            });
+            if converged {
+                break;
+            }
+            change = step;
+            unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u += c);
+        }
+        cell
+    }
+
+    /// Whitens rows and takes off what the window's own unknowns absorb.
+    pub(crate) fn project(&self, span: &Span, rows: &[f64]) -> DVector<f64> {
+        let white = span.whiten(rows);
+        let prior = self.absorbed.nrows() - white.len();
+        let mut all = DVector::zeros(white.len() + prior);
+        all.rows_mut(0, white.len()).copy_from_slice(&white);
+        for i in 0..prior {
+            all[white.len() + i] = -self.unknowns[self.unknowns.len() - prior + i];
+        }
+        let absorbed = self.absorbed.transpose() * &all;
+        all - &self.absorbed * absorbed
+    }
+}
+
+/// Whitened rows, those of the priors below them, and their negative derivatives by the window's own unknowns.
+fn linearized(
+    span: &Span,
+    unknowns: &[f64],
+    residuals: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let n = unknowns.len();
+    let free = n - span.prior_count;
+    let mut points = vec![unknowns.to_vec()];
+    for i in 0..n {
+        let mut moved = unknowns.to_vec();
+        moved[i] += span.steps[i];
+        points.push(moved);
+    }
+    let rows: Vec<Vec<f64>> = residuals(&points).iter().map(|rows| span.whiten(rows)).collect();
+    let m = rows[0].len();
+    // Priors are rows too: each such unknown, standard normal.
+    let mut jacobian = DMatrix::zeros(m + span.prior_count, n);
+    let mut residual = DVector::zeros(m + span.prior_count);
+    residual.rows_mut(0, m).copy_from_slice(&rows[0]);
+    for i in 0..n {
+        for k in 0..m {
+            jacobian[(k, i)] = (rows[0][k] - rows[i + 1][k]) / span.steps[i];
+        }
+        if i >= free {
+            jacobian[(m + i - free, i)] = 1.0;
+            residual[m + i - free] = -unknowns[i];
+        }
+    }
+    (jacobian, residual)
+}
+
+/// An orthonormal basis of the columns and the least-squares solution; `None` without full rank.
+fn least_squares(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    if jacobian.ncols() == 0 {
+        return Some((DMatrix::zeros(jacobian.nrows(), 0), DVector::zeros(0)));
+    }
+    let scale: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
+    if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
+        return None;
+    }
+    let mut scaled = jacobian.clone();
+    for (mut column, s) in scaled.column_iter_mut().zip(&scale) {
+        column /= *s;
+    }
+    let qr = scaled.qr();
+    let (q, r) = (qr.q(), qr.r());
+    let mut solution = q.transpose() * residual;
+    if !r.solve_upper_triangular_mut(&mut solution) {
+        return None;
+    }
+    solution.iter_mut().zip(&scale).for_each(|(x, s)| *x /= s);
+    Some((q, solution))
+}

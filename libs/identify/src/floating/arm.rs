@@ -1,0 +1,117 @@
+//! Motion of the arm under what its drives and encoders really are.
+//!
+//! Telemetry shows motors through encoders; the base feels links. Between them stand the encoder's scale and offset, the
+//! drive's kinematic error, its wind-up and its play. Wind-up and play follow the torque that the drive passes on, which
+//! the motion itself tells.
+
+use super::telemetry::{Reading, readings};
+use crate::measured::Run;
+use fss_multibody::{Coordinates, JointVector, Model, State};
+use fss_plant::{JointPhysics, JointSample, Plant, Rollout, Servo};
+use nalgebra::Vector3;
+
+/// Torque within which play counts as neither side, N m.
+const PLAY_TORQUE_N_M: f64 = 0.02;
+
+/// The joints on a grid.
+#[derive(Clone, Debug)]
+pub(crate) struct ArmMotion {
+    /// Link angles and rates.
+    pub(crate) samples: Vec<JointSample>,
+    /// Accelerations, rad/s2.
+    pub(crate) acceleration: Vec<JointVector>,
+    /// Variances of angles, rates and accelerations.
+    pub(crate) variance: Vec<[JointVector; 3]>,
+}
+
+/// What stays the same whatever the plant is: the run's grid, and readings and torques under the plant as given.
+pub(crate) struct Arm {
+    grid_s: Vec<f64>,
+    ages_s: Vec<f64>,
+    readings: Vec<Vec<Reading>>,
+    /// Torques that the drives pass on, N m.
+    torques: Vec<JointVector>,
+}
+
+impl Arm {
+    pub(crate) fn new(plant: &Plant, rollout: &Rollout, run: &Run, grid_s: Vec<f64>) -> Self {
+        let physics = rollout.physics(0.0);
+        let ages_s: Vec<f64> = (0..plant.link_count()).map(|i| physics.sensors.link_age_s(i)).collect();
+        let readings = (0..plant.link_count())
+            .map(|i| readings(run, i, &plant.sensors, &|t| rollout.physics(t).sensors.link_age_s(i), &grid_s))
+            .collect();
+        let mut arm = Self { grid_s, ages_s, readings, torques: Vec::new() };
+        let motion = arm.motion(plant, rollout, run);
+        if let Ok(model) = physics.model(0.0) {
+            arm.torques = motion.samples.iter().zip(&motion.acceleration).map(|(s, a)| torques(&model, s, a)).collect();
+        }
+        arm
+    }
+
+    /// The motion of the links where `rollout` is what really acts.
+    pub(crate) fn motion(&self, plant: &Plant, rollout: &Rollout, run: &Run) -> ArmMotion {
+        let n = self.grid_s.len();
+        let mut out = ArmMotion {
+            samples: vec![JointSample { q_rad: JointVector::zeros(), qd_rad_s: JointVector::zeros() }; n],
+            acceleration: vec![JointVector::zeros(); n],
+            variance: vec![[JointVector::zeros(); 3]; n],
+        };
+        for joint in 0..self.ages_s.len() {
+            let age = |t: f64| rollout.physics(t).sensors.link_age_s(joint);
+            let moved = self.grid_s.iter().step_by(50).any(|t| (age(*t) - self.ages_s[joint]).abs() > 1e-12);
+            let fresh = moved.then(|| readings(run, joint, &plant.sensors, &age, &self.grid_s));
+            let readings = fresh.as_ref().unwrap_or(&self.readings[joint]);
+            let mut links: Vec<f64> = Vec::with_capacity(n);
+            for (k, reading) in readings.iter().enumerate() {
+                let physics = rollout.physics(self.grid_s[k]);
+                let drive = &physics.joints[joint];
+                let motor = |i: usize| reading.value[i] / drive.encoder_scale;
+                let m = motor(0) - drive.encoder_offset_rad / drive.encoder_scale;
+                let torque = self.torques.get(k).map_or(0.0, |t| t[joint]);
+                links.push(link_angle(drive, &physics.servos[joint], m, torque));
+                out.samples[k].q_rad[joint] = links[k];
+                out.samples[k].qd_rad_s[joint] = motor(1);
+                out.acceleration[k][joint] = motor(2);
+                for i in 0..3 {
+                    out.variance[k][i][joint] = reading.variance[i];
+                }
+            }
+            self.differentiate(rollout, joint, readings, &links, &mut out);
+        }
+        out
+    }
+
+    /// Rates of the links where these do not simply follow the motors.
+    fn differentiate(&self, rollout: &Rollout, joint: usize, readings: &[Reading], links: &[f64], out: &mut ArmMotion) {
+        let n = links.len();
+        for k in 1..n.saturating_sub(1) {
+            let drive = &rollout.physics(self.grid_s[k]).joints[joint];
+            if drive.is_elastic() || drive.kinematic_error_rad != 0.0 {
+                let beyond = |i: usize| links[i] - readings[i].value[0] / drive.encoder_scale;
+                let dt = self.grid_s[k + 1] - self.grid_s[k - 1];
+                out.samples[k].qd_rad_s[joint] += (beyond(k + 1) - beyond(k - 1)) / dt;
+            }
+        }
+    }
+}
+
+/// Angle of the link where its motor stands at `motor` and the drive passes on `torque`.
+fn link_angle(drive: &JointPhysics, servo: &Servo, motor: f64, torque: f64) -> f64 {
+    let mut link = motor + drive.kinematic_error_rad * (drive.kinematic_cycles * motor).sin();
+    if drive.is_elastic() {
+        let stiffness = drive.stiffness_n_m_rad.unwrap_or(servo.gear_stiffness_n_m_rad);
+        link -= torque / stiffness + 0.5 * drive.backlash_rad * (torque / PLAY_TORQUE_N_M).tanh();
+    }
+    link
+}
+
+/// Torques that the drives pass on while the base follows the arm and nothing acts from outside.
+fn torques(model: &Model, sample: &JointSample, acceleration: &JointVector) -> JointVector {
+    let mut state = State::at_rest(Coordinates::zeros());
+    state.q.fixed_rows_mut::<{ fss_multibody::MAX_LINKS }>(3).copy_from(&sample.q_rad);
+    state.v.fixed_rows_mut::<{ fss_multibody::MAX_LINKS }>(3).copy_from(&sample.qd_rad_s);
+    let twist = model.base_twist(&state.q, &sample.qd_rad_s, &Vector3::zeros());
+    state.v.fixed_rows_mut::<3>(0).copy_from(&twist);
+    let acc = model.prescribed_dynamics(&state, acceleration, &Vector3::zeros());
+    model.inverse_dynamics(&state, &acc).fixed_rows::<{ fss_multibody::MAX_LINKS }>(3).into_owned()
+}

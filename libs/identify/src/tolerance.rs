@@ -1,0 +1,56 @@
+//! What every laboratory is off by and none states: tenths of a percent, a millisecond, a tenth of a millimetre.
+//!
+//! Nobody wants to hear of these, however sure the data are of them. So each possible cause comes in small for nothing, as
+//! an uncertain value does, and has to be asserted only for what it is beyond that.
+
+use crate::hypothesis::Hypothesis;
+use fss_plant::Plant;
+
+/// Standard deviations of a hypothesis' coordinates that go without saying; `None` where there is no such thing.
+pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>> {
+    if hypothesis.is_discrete || hypothesis.has_shape {
+        return None;
+    }
+    let effect = &hypothesis.nominal;
+    let nominal = effect.values()[0].abs();
+    if plant.base.clamped {
+        // What swings under gravity was taken apart and weighed, but its inertia came from a drawing.
+        return match effect.id() {
+            "link_mass" => Some(vec![0.01 * nominal]),
+            "link_com" => Some(vec![0.01 * effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m)]),
+            "link_inertia" => Some(vec![0.1 * nominal]),
+            "encoder_offset" => Some(vec![2e-3]),
+            _ => None,
+        };
+    }
+    let mass_kg = plant.base.mass_kg + plant.links.iter().map(|l| l.mass_kg).sum::<f64>();
+    let inertia_kg_m2 = plant.base.inertia_kg_m2;
+    let link_m = effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m);
+    // Accelerations that a levelled table and a calm room leave.
+    let (shift, turn) = (1e-5, 1e-5);
+    let sd = match effect.id() {
+        "clock_offset" => vec![1e-3],
+        "thruster_delay" | "thruster_rise_time" => vec![1e-3],
+        "encoder_offset" | "encoder_scale" | "marker_yaw" => vec![2e-4],
+        "gyro_bias" => vec![5e-5],
+        "gyro_scale" | "torque_sensor_scale" => vec![1e-3],
+        "marker_offset" => vec![1e-4; 2],
+        "table_tilt" => vec![0.3 * shift; 2],
+        "body_force" => vec![shift * mass_kg, shift * mass_kg, turn * inertia_kg_m2],
+        "base_linear_drag" => vec![1e-4 * mass_kg],
+        "base_angular_drag" => vec![1e-4 * inertia_kg_m2],
+        "base_com" => vec![1e-4; 2],
+        "base_mass" | "link_mass" => vec![1e-3 * nominal],
+        "base_inertia" | "link_inertia" => vec![3e-3 * nominal],
+        "link_com" => vec![1e-3 * link_m],
+        "joint_coulomb_friction" | "joint_viscous_friction" if nominal > 0.0 => vec![0.01 * nominal],
+        "torque_constant" | "thruster_gain" if effect.index().is_some() => vec![3e-3],
+        "torque_sensor" => vec![1e-3, 3e-3],
+        "thruster_misalignment" => vec![2e-3],
+        "joint_backlash" => vec![1e-4],
+        "joint_flexibility" => vec![1.5e-5],
+        "drive_kinematic_error" => vec![5e-5],
+        _ => return None,
+    };
+    Some(sd)
+}
