@@ -30,7 +30,8 @@ impl Clamped {
     /// `None` where the run lacks what it takes: angles and rates of all joints.
     pub(crate) fn new(trial: &Trial, run: &Run, window_s: f64) -> Option<Self> {
         let links = trial.plant.link_count();
-        let joints = run.joints.as_ref().filter(|j| j.q_rad.len() >= links && j.qd_rad_s.len() >= links && links > 0)?;
+        let joints =
+            run.joints.as_ref().filter(|j| j.q_rad.len() >= links && j.qd_rad_s.len() >= links && links > 0)?;
         let mut windows = Vec::new();
         let mut from = 0;
         while from < joints.t_s.len() {

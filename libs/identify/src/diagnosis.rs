@@ -178,7 +178,8 @@ pub fn diagnose(
         _ => None,
     };
     let (ranking, confusability) = ranking(&contest, &selection);
-    let settled = contest.uncertain.iter().zip(selection.after.nuisance.iter()).map(|(u, z)| (u.name.clone(), *z)).collect();
+    let settled =
+        contest.uncertain.iter().zip(selection.after.nuisance.iter()).map(|(u, z)| (u.name.clone(), *z)).collect();
     Ok(Diagnosis {
         verdict,
         causes,
@@ -249,7 +250,9 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
     let (asserted, doubtful): (Vec<_>, Vec<_>) =
         all.into_iter().enumerate().partition(|(i, c)| *i == 0 || c.probability >= SURE);
     let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
-    let whole = left < ALL_EXPLAINED && doubtful.is_empty() && contest.worst_channel(&selection.after) < 2.0 * CONSISTENT_CHANNEL;
+    let whole = left < ALL_EXPLAINED
+        && doubtful.is_empty()
+        && contest.worst_channel(&selection.after) < 2.0 * CONSISTENT_CHANNEL;
     (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, strip(asserted), strip(doubtful))
 }
 
@@ -258,7 +261,9 @@ fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f6
     let excess = (selection.before.chi2 - selection.before.freedom).max(1.0);
     let mut shown = Vec::new();
     for s in &selection.screened {
-        let twin = |o: &&crate::contest::Screened| contest.hypotheses[o.hypothesis].nominal == contest.hypotheses[s.hypothesis].nominal;
+        let twin = |o: &&crate::contest::Screened| {
+            contest.hypotheses[o.hypothesis].nominal == contest.hypotheses[s.hypothesis].nominal
+        };
         if shown.len() < SHOWN && !shown.iter().any(|o| twin(o)) {
             shown.push(s);
         }

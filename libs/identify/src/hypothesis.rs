@@ -83,7 +83,9 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
             _ => false,
         },
         "thruster_leak" => floats,
-        "valve_swap" => effect.index().is_some_and(&opens) || effect.get("other_index").is_some_and(|i| opens(i as usize)),
+        "valve_swap" => {
+            effect.index().is_some_and(&opens) || effect.get("other_index").is_some_and(|i| opens(i as usize))
+        }
         "gyro_bias" | "gyro_scale" => gyro && mocap,
         "mocap_latency" | "marker_offset" | "marker_yaw" | "mocap_rotation" => mocap,
         "torque_constant" => current,

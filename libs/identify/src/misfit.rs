@@ -64,7 +64,11 @@ impl Windows {
 /// # Errors
 /// Where the plant's effects make a mass or an inertia impossible.
 pub fn of_run(plant: &Plant, run: &Run, windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
-    if plant.base.clamped && run.drive != Drive::Servo { arm::misfit(plant, run, windows.arm_s) } else { base::misfit(plant, run, windows) }
+    if plant.base.clamped && run.drive != Drive::Servo {
+        arm::misfit(plant, run, windows.arm_s)
+    } else {
+        base::misfit(plant, run, windows)
+    }
 }
 
 /// Residuals of one channel as they are gathered.

@@ -25,7 +25,12 @@ pub(crate) type Column = Vec<DVector<f64>>;
 
 impl Evidence {
     /// Columns of a hypothesis around `trial`.
-    pub(crate) fn columns_of(&self, trial: &Trial, cells: &[Cell], hypothesis: &Hypothesis) -> Result<Vec<Column>, ModelError> {
+    pub(crate) fn columns_of(
+        &self,
+        trial: &Trial,
+        cells: &[Cell],
+        hypothesis: &Hypothesis,
+    ) -> Result<Vec<Column>, ModelError> {
         hypothesis
             .differences()
             .iter()
@@ -44,7 +49,14 @@ impl Evidence {
     }
 
     /// A column whose step is made as long as the data can bear.
-    fn tuned(&self, trial: &Trial, cells: &[Cell], from: &Effect, to: &Effect, step: f64) -> Result<Column, ModelError> {
+    fn tuned(
+        &self,
+        trial: &Trial,
+        cells: &[Cell],
+        from: &Effect,
+        to: &Effect,
+        step: f64,
+    ) -> Result<Column, ModelError> {
         let (mut to, mut step) = (to.clone(), step);
         let mut column = Vec::new();
         for _ in 0..3 {
@@ -80,7 +92,10 @@ impl Evidence {
         let feels = |c: &Cell| felt.is_none_or(|e| self.records[c.record].feels(e));
         let some: Vec<Cell> = cells.iter().filter(|c| feels(c)).cloned().collect();
         let mut fresh = self.residuals(trial, &some)?.into_iter();
-        Ok(cells.iter().map(|c| if feels(c) { fresh.next().unwrap_or_else(|| c.residual.clone()) } else { c.residual.clone() }).collect())
+        Ok(cells
+            .iter()
+            .map(|c| if feels(c) { fresh.next().unwrap_or_else(|| c.residual.clone()) } else { c.residual.clone() })
+            .collect())
     }
 
     /// Columns of all uncertain values (in standard deviations), then of all hypotheses.

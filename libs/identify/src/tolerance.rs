@@ -17,7 +17,9 @@ pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f6
         // What swings under gravity was taken apart and weighed, but its inertia came from a drawing.
         return match effect.id() {
             "link_mass" => Some(vec![0.01 * nominal]),
-            "link_com" => Some(vec![0.01 * effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m)]),
+            "link_com" => {
+                Some(vec![0.01 * effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m)])
+            }
             "link_inertia" => Some(vec![0.1 * nominal]),
             "encoder_offset" => Some(vec![2e-3]),
             _ => None,

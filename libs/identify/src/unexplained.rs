@@ -47,7 +47,12 @@ pub(crate) fn describe(contest: &Contest, refined: &Refined, runs: &[Run]) -> Re
 }
 
 /// Columns of a force or torque that the catalogue has no cause for.
-fn columns(contest: &Contest, refined: &Refined, channel: &str, values: [f64; 4]) -> Result<Option<Column>, ModelError> {
+fn columns(
+    contest: &Contest,
+    refined: &Refined,
+    channel: &str,
+    values: [f64; 4],
+) -> Result<Option<Column>, ModelError> {
     let Ok(effect) = Effect::new("unmodelled") else { return Ok(None) };
     let mut effects = refined.effects.clone();
     effects.push(effect.on(channel).with(&values));

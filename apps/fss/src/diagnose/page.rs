@@ -1,42 +1,207 @@
-//! The report as one self-contained page: a table of ratios and each channel's residuals over time.
+//! The report as one self-contained page: verdict, causes, gain, where, what was considered, residuals before and after.
 
+use super::summary;
+use fss_identify::diagnosis::Diagnosis;
+use fss_identify::measured::Run;
 use fss_identify::misfit::ChannelMisfit;
 use std::fmt::Write;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 130.0;
 /// The most points that a plot draws; more are thinned to their extremes.
-const POINTS: usize = 800;
+const POINTS: usize = 500;
 
 /// The page.
-pub fn render(fitted: &[ChannelMisfit], validation: &[ChannelMisfit]) -> String {
+pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
     let mut html = String::from(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>fss diagnose</title><style>\
-         body{font:15px/1.45 system-ui,sans-serif;max-width:900px;margin:2em auto;padding:0 1em;color:#222}\
-         table{border-collapse:collapse}td,th{padding:.2em .7em;text-align:right;border-bottom:1px solid #ddd}\
+         body{font:15px/1.45 system-ui,sans-serif;max-width:980px;margin:2em auto;padding:0 1em;color:#222}\
+         table{border-collapse:collapse;font-size:13px}td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid #ddd}\
          td:first-child,th:first-child{text-align:left}.far{background:#fbd9d3}.near{background:#e4f3e1}\
-         h3{margin:1.4em 0 .2em;font-size:1em}svg{display:block}</style>\
-         <h1>Where the simulation is wrong</h1>\
-         <p>RMS of measured less simulated over what noise alone would give, in windows with an initial state of their \
-         own. 1 is noise; above 1.3 the simulation misses something. Causes are not named by this version.</p>",
+         h2{margin-top:2em}h3{margin:1.4em 0 .2em;font-size:1em}svg{display:block}\
+         .verdict{font-size:1.25em;border-left:5px solid #2b6ca3;padding:.4em 1em;background:#f2f7fb}\
+         details{margin:1em 0}summary{cursor:pointer;color:#2b6ca3}</style><h1>Diagnosis</h1>",
     );
-    table(&mut html, fitted, validation);
-    for (misfits, kind) in [(fitted, ""), (validation, " (validation)")] {
-        for m in misfits {
-            let _ = write!(
-                html,
-                "<h3>{}{kind}: {} &mdash; RMS {:.3e}, noise {:.3e}, ratio {:.2}</h3>",
-                escape(&m.run),
-                escape(&m.channel),
-                m.rms,
-                m.noise,
-                m.ratio()
-            );
-            plot(&mut html, m);
-        }
+    let _ = write!(html, "<p class=\"verdict\">{}</p>", escape(summary::headline(diagnosis)));
+    causes(&mut html, diagnosis);
+    gain(&mut html, diagnosis);
+    html.push_str(
+        "<h2>Where the simulation is wrong</h2><p>RMS of measured less simulated over what noise alone would give, in \
+         windows with an initial state of their own, the plant's uncertain values settled. 1 is noise.</p>",
+    );
+    table(&mut html, &diagnosis.before, &diagnosis.validation_before);
+    unexplained(&mut html, diagnosis);
+    if !diagnosis.ranking.is_empty() {
+        html.push_str("<h2>What was considered</h2>");
+        ranking(&mut html, diagnosis);
+    }
+    let _ = write!(html, "<h2>Residuals before and after</h2><p>{} runs fitted. The band is two standard deviations of the noise.</p>", runs.len());
+    for (before, after, kind) in [
+        (&diagnosis.before, &diagnosis.after, ""),
+        (&diagnosis.validation_before, &diagnosis.validation_after, " (validation)"),
+    ] {
+        residuals(&mut html, before, after, kind);
     }
     html.push_str("</html>\n");
     html
+}
+
+/// What is asserted, and what is not.
+fn causes(html: &mut String, diagnosis: &Diagnosis) {
+    for (list, title) in [(&diagnosis.causes, "Causes"), (&diagnosis.suspects, "Came nearest, but not asserted")] {
+        if list.is_empty() {
+            continue;
+        }
+        let _ = write!(html, "<h2>{title}</h2>");
+        for cause in list {
+            let _ = write!(
+                html,
+                "<h3>{} &mdash; probability {:.3}</h3><p>{}</p><table><tr><th>parameter</th><th>value</th><th>standard deviation</th></tr>",
+                escape(&summary::title(cause)),
+                cause.probability,
+                escape(cause.effect.about().sentence)
+            );
+            for (i, (p, v)) in cause.effect.about().parameters.iter().zip(cause.effect.values()).enumerate() {
+                let std = cause.std.get(i).map_or("&ndash;".to_owned(), |s| format!("{s:.2e}"));
+                let _ = write!(html, "<tr><td>{} ({})</td><td>{v:.6}</td><td>{std}</td></tr>", p.meaning, p.name);
+            }
+            html.push_str("</table>");
+            if !cause.alternatives.is_empty() {
+                html.push_str("<p>Or, in its place:</p><ul>");
+                for other in &cause.alternatives {
+                    let _ = write!(html, "<li>{} &mdash; probability {:.3}</li>", escape(&other.effect.to_string()), other.probability);
+                }
+                html.push_str("</ul>");
+            }
+            let _ = write!(html, "<p>Runs left out of the fit keep {:.0} % of its gain.</p>", 100.0 * cause.kept.clamp(0.0, 1.0));
+        }
+    }
+}
+
+/// What the extension gains, by channel, as bars.
+fn gain(html: &mut String, diagnosis: &Diagnosis) {
+    let on_validation = !diagnosis.validation_before.is_empty();
+    let (before, after) = if on_validation {
+        (&diagnosis.validation_before, &diagnosis.validation_after)
+    } else {
+        (&diagnosis.before, &diagnosis.after)
+    };
+    let _ = write!(
+        html,
+        "<h2>What knowing it gains</h2><p>RMS over the noise on the {} runs: <b>{:.3}</b> with the plant file, <b>{:.3}</b> \
+         with the extended model (extended.toml); 1 is the floor.</p>",
+        if on_validation { "validation" } else { "fitted" },
+        diagnosis.gain.before,
+        diagnosis.gain.after
+    );
+    let top = before.iter().chain(after).map(ChannelMisfit::ratio).filter(|r| r.is_finite()).fold(2.0, f64::max);
+    let row = 17.0;
+    let height = row * before.len() as f64 + 24.0;
+    let x = |ratio: f64| 230.0 + (WIDTH - 300.0) * (1.0 + ratio).ln() / (1.0 + top).ln();
+    let _ = write!(html, "<svg viewBox=\"0 0 {WIDTH} {height}\" width=\"100%\" role=\"img\"><g font-size=\"11\">");
+    for (i, b) in before.iter().enumerate().filter(|(_, m)| m.ratio().is_finite()) {
+        let y = row * i as f64 + 4.0;
+        let a = after.iter().find(|m| m.run == b.run && m.channel == b.channel).map_or(f64::NAN, ChannelMisfit::ratio);
+        let _ = write!(
+            html,
+            "<text x=\"224\" y=\"{:.0}\" text-anchor=\"end\">{} {}</text>\
+             <rect x=\"230\" y=\"{y:.0}\" width=\"{:.1}\" height=\"6\" fill=\"#d98b7a\"/>\
+             <rect x=\"230\" y=\"{:.0}\" width=\"{:.1}\" height=\"6\" fill=\"#4f8f63\"/>\
+             <text x=\"{:.1}\" y=\"{:.0}\">{:.2} &rarr; {a:.2}</text>",
+            y + 10.0,
+            escape(&b.run),
+            escape(&b.channel),
+            x(b.ratio()) - 230.0,
+            y + 6.0,
+            (x(a) - 230.0).max(0.0),
+            x(b.ratio().max(a)) + 4.0,
+            y + 10.0,
+            b.ratio()
+        );
+    }
+    let _ = write!(html, "<path d=\"M{0:.1} 0V{height}\" stroke=\"#555\" stroke-dasharray=\"3 3\"/></g></svg>", x(1.0));
+}
+
+/// What is left, and the force that would close each window.
+fn unexplained(html: &mut String, diagnosis: &Diagnosis) {
+    let Some(left) = &diagnosis.unexplained else { return };
+    let _ = write!(html, "<h2>Still unexplained</h2><p>{:.1} times the noise (mean square)", left.mean_square);
+    if let Some((channel, run, ratio)) = &left.worst {
+        let _ = write!(html, "; most in {} of {}, {ratio:.1} times its noise", escape(channel), escape(run));
+    }
+    html.push_str(".</p><ul>");
+    for (what, share) in &left.depends_on {
+        let _ = write!(html, "<li>It depends on {}; that would explain {:.0} %.</li>", escape(what), 100.0 * share);
+    }
+    html.push_str("</ul>");
+    for (i, name) in ["force along x, N", "force along y, N", "torque, N m"].iter().enumerate() {
+        if left.closing.is_empty() {
+            break;
+        }
+        let values: Vec<f64> = left.closing.iter().map(|c| c.2[i]).collect();
+        let top = values.iter().fold(1e-12_f64, |m, v| m.max(v.abs()));
+        let width = (WIDTH - 70.0) / values.len() as f64;
+        let _ = write!(
+            html,
+            "<h3>Closing {name}, window by window</h3><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"100%\" role=\"img\">\
+             <path d=\"M60 {0:.1}H{1}\" stroke=\"#999\"/><text x=\"2\" y=\"14\" font-size=\"11\">{top:.2e}</text>",
+            HEIGHT / 2.0,
+            WIDTH - 10.0
+        );
+        let mut last = "";
+        for (k, v) in values.iter().enumerate() {
+            let (x, size) = (60.0 + k as f64 * width, (HEIGHT / 2.0 - 12.0) * v.abs() / top);
+            let y = if *v > 0.0 { HEIGHT / 2.0 - size } else { HEIGHT / 2.0 };
+            let _ = write!(html, "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{size:.1}\" fill=\"#2b6ca3\"/>", 0.8 * width);
+            let run = left.closing[k].0.as_str();
+            if run != last {
+                let _ = write!(html, "<path d=\"M{x:.1} 0V{HEIGHT}\" stroke=\"#ccc\"/><text x=\"{:.1}\" y=\"{:.0}\" font-size=\"10\" fill=\"#555\">{}</text>", x + 2.0, HEIGHT - 2.0, escape(run));
+                last = run;
+            }
+        }
+        html.push_str("</svg>");
+    }
+}
+
+/// The first ranking, and which of it these data cannot tell apart.
+fn ranking(html: &mut String, diagnosis: &Diagnosis) {
+    html.push_str("<table><tr><th>cause, alone</th><th>explains</th></tr>");
+    for r in &diagnosis.ranking {
+        let _ = write!(html, "<tr><td>{}</td><td>{:.1} %</td></tr>", escape(&r.effect.to_string()), 100.0 * r.share);
+    }
+    html.push_str("</table><h3>Confusability (cosine of their traces; 1 is indistinguishable by these data)</h3><table><tr><th></th>");
+    for i in 0..diagnosis.ranking.len() {
+        let _ = write!(html, "<th>{}</th>", i + 1);
+    }
+    html.push_str("</tr>");
+    for (i, row) in diagnosis.confusability.iter().enumerate() {
+        let _ = write!(html, "<tr><td>{} {}</td>", i + 1, escape(diagnosis.ranking[i].effect.id()));
+        for cosine in row {
+            let shade = (255.0 * (1.0 - 0.7 * cosine.clamp(0.0, 1.0).powi(2))) as u8;
+            let _ = write!(html, "<td style=\"background:rgb({shade},{shade},255)\">{cosine:.2}</td>");
+        }
+        html.push_str("</tr>");
+    }
+    html.push_str("</table>");
+}
+
+/// Residuals of each run, those furthest from their noise open, the others folded.
+fn residuals(html: &mut String, before: &[ChannelMisfit], after: &[ChannelMisfit], kind: &str) {
+    for b in before {
+        let Some(a) = after.iter().find(|m| m.run == b.run && m.channel == b.channel) else { continue };
+        let open = if b.ratio() > super::summary::FAR { " open" } else { "" };
+        let _ = write!(
+            html,
+            "<details{open}><summary>{}{kind}: {} &mdash; noise {:.2e}, RMS {:.2e} before, {:.2e} after</summary>",
+            escape(&b.run),
+            escape(&b.channel),
+            b.noise,
+            b.rms,
+            a.rms
+        );
+        plot(html, b, a);
+        html.push_str("</details>");
+    }
 }
 
 fn escape(text: &str) -> String {
@@ -67,7 +232,7 @@ fn table(html: &mut String, fitted: &[ChannelMisfit], validation: &[ChannelMisfi
         for channel in &channels {
             match of.iter().find(|m| m.run == run && m.channel == *channel) {
                 Some(m) => {
-                    let class = if m.ratio() > super::MISFIT_RATIO { "far" } else { "near" };
+                    let class = if m.ratio() > super::summary::FAR { "far" } else { "near" };
                     let _ = write!(html, "<td class=\"{class}\">{:.2}</td>", m.ratio());
                 }
                 None => html.push_str("<td>&ndash;</td>"),
@@ -78,35 +243,36 @@ fn table(html: &mut String, fitted: &[ChannelMisfit], validation: &[ChannelMisfi
     html.push_str("</table>");
 }
 
-/// Residuals over time with a band of two standard deviations of the noise.
-fn plot(html: &mut String, m: &ChannelMisfit) {
-    let (Some(first), Some(last)) = (m.residuals.first(), m.residuals.last()) else { return };
+/// Residuals over time before and after, with a band of two standard deviations of the noise.
+fn plot(html: &mut String, before: &ChannelMisfit, after: &ChannelMisfit) {
+    let (Some(first), Some(last)) = (before.residuals.first(), before.residuals.last()) else { return };
     let span_s = (last.0 - first.0).max(1e-9);
-    let top = m.residuals.iter().map(|r| r.1.abs()).fold(3.0 * m.noise, f64::max).max(1e-12);
+    let top = before.residuals.iter().map(|r| r.1.abs()).fold(3.0 * before.noise, f64::max).max(1e-12);
     let x = |t: f64| 60.0 + (WIDTH - 70.0) * (t - first.0) / span_s;
-    let y = |v: f64| HEIGHT / 2.0 - (HEIGHT / 2.0 - 12.0) * v / top;
-    let _ = write!(html, "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"100%\" role=\"img\">");
-    let (band_top, band) = (y(2.0 * m.noise), y(-2.0 * m.noise) - y(2.0 * m.noise));
+    let y = |v: f64| HEIGHT / 2.0 - (HEIGHT / 2.0 - 12.0) * (v / top).clamp(-1.1, 1.1);
+    let (band_top, band) = (y(2.0 * before.noise), y(-2.0 * before.noise) - y(2.0 * before.noise));
     let _ = write!(
         html,
-        "<rect x=\"60\" y=\"{band_top:.1}\" width=\"{:.1}\" height=\"{band:.1}\" fill=\"#dbe9f6\"/>",
-        WIDTH - 70.0
+        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"100%\" role=\"img\">\
+         <rect x=\"60\" y=\"{band_top:.1}\" width=\"{:.1}\" height=\"{band:.1}\" fill=\"#dbe9f6\"/>\
+         <path d=\"M60 {:.1}H{}\" stroke=\"#999\"/>",
+        WIDTH - 70.0,
+        y(0.0),
+        WIDTH - 10.0
     );
-    let _ = write!(html, "<path d=\"M60 {0:.1}H{1}\" stroke=\"#999\"/>", y(0.0), WIDTH - 10.0);
-    html.push_str("<path fill=\"none\" stroke=\"#b3402a\" stroke-width=\"1\" d=\"");
-    for (i, (t, v)) in thinned(&m.residuals).into_iter().enumerate() {
-        let _ = write!(html, "{}{:.1} {:.1}", if i == 0 { "M" } else { "L" }, x(t), y(v));
+    for (m, colour) in [(before, "#b3402a"), (after, "#2f7d4f")] {
+        let _ = write!(html, "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"1\" opacity=\".8\" d=\"");
+        for (i, (t, v)) in thinned(&m.residuals).into_iter().enumerate() {
+            let _ = write!(html, "{}{:.1} {:.1}", if i == 0 { "M" } else { "L" }, x(t), y(v));
+        }
+        html.push_str("\"/>");
     }
-    html.push_str("\"/><g font-size=\"11\" fill=\"#555\">");
     let _ = write!(
         html,
-        "<text x=\"2\" y=\"14\">{top:.2e}</text><text x=\"2\" y=\"{:.0}\">{:.2e}</text>",
+        "<g font-size=\"11\" fill=\"#555\"><text x=\"2\" y=\"14\">{top:.2e}</text><text x=\"2\" y=\"{:.0}\">{:.2e}</text>\
+         <text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\">{:.1} s; red before, green after</text></g></svg>",
         HEIGHT - 4.0,
-        -top
-    );
-    let _ = write!(
-        html,
-        "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\">{:.1} s</text></g></svg>",
+        -top,
         WIDTH - 10.0,
         HEIGHT - 2.0,
         last.0

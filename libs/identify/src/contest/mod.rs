@@ -66,8 +66,18 @@ impl Contest {
             .map(|m| DMatrix::from_fn(m.nrows(), order.len(), |r, c| m[(r, order[c].0)] * order[c].1))
             .collect();
         let screen = normals(&evidence.cells, &columns);
-        let contest =
-            Self { trial, evidence, uncertain, hypotheses, first, screen, columns, nuisance_count, unit: 1.0, factor: None };
+        let contest = Self {
+            trial,
+            evidence,
+            uncertain,
+            hypotheses,
+            first,
+            screen,
+            columns,
+            nuisance_count,
+            unit: 1.0,
+            factor: None,
+        };
         Ok(contest.with_unit(1.0))
     }
 
@@ -171,7 +181,11 @@ impl Contest {
 }
 
 /// Which raw column stands where in the screen, and times what: uncertain values, tolerances, hypotheses.
-fn arrange(plant: &Plant, uncertain: &[Uncertain], hypotheses: &[Hypothesis]) -> (Vec<(usize, f64)>, usize, Vec<usize>) {
+fn arrange(
+    plant: &Plant,
+    uncertain: &[Uncertain],
+    hypotheses: &[Hypothesis],
+) -> (Vec<(usize, f64)>, usize, Vec<usize>) {
     let mut order: Vec<(usize, f64)> = (0..uncertain.len()).map(|i| (i, 1.0)).collect();
     let mut raw = uncertain.len();
     for hypothesis in hypotheses {

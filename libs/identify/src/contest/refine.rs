@@ -146,7 +146,8 @@ impl Contest {
             for i in 0..parameters(hypothesis.is_discrete, effect) {
                 let about = &effect.about().parameters[i];
                 let value = effect.values()[i];
-                let mut step = (0.02 * about.scale).min(0.05 * (value - hypothesis.nominal.values()[i]).abs().max(1e-4 * about.scale));
+                let mut step = (0.02 * about.scale)
+                    .min(0.05 * (value - hypothesis.nominal.values()[i]).abs().max(1e-4 * about.scale));
                 if hypothesis.is_compliance() {
                     step = 0.02 * value;
                 } else if value + step > about.upper {

@@ -73,7 +73,8 @@ impl Contest {
                 let new = self.columns_of(h);
                 columns.extend(new.iter().filter(|c| !own.contains(c)));
                 let fit = absorbed.fit(&columns);
-                let value: Vec<f64> = columns.iter().zip(fit.value.iter()).filter(|(c, _)| new.contains(c)).map(|(_, v)| *v).collect();
+                let value: Vec<f64> =
+                    columns.iter().zip(fit.value.iter()).filter(|(c, _)| new.contains(c)).map(|(_, v)| *v).collect();
                 let (gain, effect) = self.within_bounds(h, &value, fit.gain - before, &absorbed);
                 let effect = if onset_s > 0.0 { effect.from_onset(onset_s) } else { effect };
                 Screened { hypothesis: h, gain, effect }

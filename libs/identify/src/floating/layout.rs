@@ -249,7 +249,8 @@ impl Layout<'_> {
             let base = [0.0, 0.0, self.run.base_pose.as_ref().map_or(0.0, |p| heading(p, ee.t_s[bin.start]))];
             let jacobian = model.jacobian(&placed(&self.motion.samples[half].q_rad, base));
             let jacobian = jacobian.fixed_columns::<MAX_LINKS>(3);
-            let arm = jacobian * nalgebra::SMatrix::from_diagonal(&self.motion.variance[half][0]) * jacobian.transpose();
+            let arm =
+                jacobian * nalgebra::SMatrix::from_diagonal(&self.motion.variance[half][0]) * jacobian.transpose();
             for k in bin.clone() {
                 for (i, sd) in sd.iter().enumerate() {
                     self.row(4 + i, ee.t_s[k], sd * sd + arm[(i, i)]);
@@ -260,7 +261,8 @@ impl Layout<'_> {
             let Some(white) = covariance.cholesky().and_then(|c| c.l().try_inverse()) else { continue };
             for i in 0..3 {
                 let rows = bin.clone().flat_map(|k| (0..=i).map(move |j| (k, j)));
-                let at = |(k, j): (usize, usize)| (first + 3 * (k - window.ee.start) as u32 + j as u32, white[(i, j)] / n);
+                let at =
+                    |(k, j): (usize, usize)| (first + 3 * (k - window.ee.start) as u32 + j as u32, white[(i, j)] / n);
                 self.whitening.push(Whitened { channel: 4 + i, sum: rows.map(at).collect() });
             }
         }
@@ -286,9 +288,8 @@ impl Layout<'_> {
                 let unsure = 1.0 - direction(rate, rate_variance.sqrt()).powi(2);
                 let dry = friction.coulomb_n_m.hypot(REST_FRICTION_N_M);
                 let kt = physics.joints[joint].torque_constant_n_m_a;
-                let current = (kt * ampere).powi(2)
-                    + dry * dry * unsure
-                    + friction.viscous_n_m_s_rad.powi(2) * rate_variance;
+                let current =
+                    (kt * ampere).powi(2) + dry * dry * unsure + friction.viscous_n_m_s_rad.powi(2) * rate_variance;
                 let sensed = measured(&joints.torque_nm, joint, k).is_some();
                 let driven = measured(&joints.current_a, joint, k).is_some();
                 self.torque_rows(joint, n, t_s, [sensor * sensor, motion, current], [sensed, driven]);

@@ -14,7 +14,13 @@ pub(crate) struct Reading {
 }
 
 /// The smoothed reading of joint `joint` at `grid_s`, its telemetry being `age_s` older than its stamps say.
-pub(crate) fn readings(run: &Run, joint: usize, sensors: &Sensors, age_s: &dyn Fn(f64) -> f64, grid_s: &[f64]) -> Vec<Reading> {
+pub(crate) fn readings(
+    run: &Run,
+    joint: usize,
+    sensors: &Sensors,
+    age_s: &dyn Fn(f64) -> f64,
+    grid_s: &[f64],
+) -> Vec<Reading> {
     // Beyond its first and last row a command goes on as it was: the arm does not stop where the record does.
     let command = |t: f64| {
         let commands = run.joint_command.as_ref()?;

@@ -1,0 +1,149 @@
+//! The answer for a machine, `fss-diagnosis/1`.
+
+use fss_identify::diagnosis::{Cause, Diagnosis};
+use fss_plant::Effect;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+#[derive(Serialize)]
+pub struct Answer {
+    format: &'static str,
+    verdict: &'static str,
+    causes: Vec<CauseAnswer>,
+    misfit: Vec<Misfit>,
+    gain: Gain,
+    extended_model: String,
+    /// Fits that came nearest where nothing is asserted.
+    suspects: Vec<CauseAnswer>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unexplained: Option<Unexplained>,
+}
+
+#[derive(Serialize)]
+struct CauseAnswer {
+    #[serde(flatten)]
+    named: Named,
+    probability: f64,
+    parameters: BTreeMap<&'static str, Parameter>,
+    alternatives: Vec<AlternativeAnswer>,
+}
+
+#[derive(Serialize)]
+struct Named {
+    effect: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    index: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    channel: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    onset_s: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Parameter {
+    value: f64,
+    std: f64,
+}
+
+#[derive(Serialize)]
+struct AlternativeAnswer {
+    #[serde(flatten)]
+    named: Named,
+    probability: f64,
+    parameters: BTreeMap<&'static str, f64>,
+}
+
+#[derive(Serialize)]
+struct Misfit {
+    channel: String,
+    run: String,
+    rms: f64,
+    noise: f64,
+    ratio: f64,
+}
+
+#[derive(Serialize)]
+struct Gain {
+    ratio_before: f64,
+    ratio_after: f64,
+    noise_floor: f64,
+}
+
+#[derive(Serialize)]
+struct Unexplained {
+    mean_square: f64,
+    channel: Option<String>,
+    run: Option<String>,
+    depends_on: Vec<Dependence>,
+}
+
+#[derive(Serialize)]
+struct Dependence {
+    description: String,
+    share: f64,
+}
+
+impl Answer {
+    pub fn of(diagnosis: &Diagnosis, extended: &str) -> Self {
+        let misfits = diagnosis.before.iter().chain(&diagnosis.validation_before);
+        Self {
+            format: "fss-diagnosis/1",
+            verdict: diagnosis.verdict.name(),
+            causes: diagnosis.causes.iter().map(cause).collect(),
+            misfit: misfits
+                .map(|m| Misfit {
+                    channel: m.channel.clone(),
+                    run: m.run.clone(),
+                    rms: m.rms,
+                    noise: m.noise,
+                    ratio: m.ratio(),
+                })
+                .collect(),
+            gain: Gain { ratio_before: diagnosis.gain.before, ratio_after: diagnosis.gain.after, noise_floor: 1.0 },
+            extended_model: extended.to_owned(),
+            suspects: diagnosis.suspects.iter().map(cause).collect(),
+            unexplained: diagnosis.unexplained.as_ref().map(|u| Unexplained {
+                mean_square: u.mean_square,
+                channel: u.worst.as_ref().map(|w| w.0.clone()),
+                run: u.worst.as_ref().map(|w| w.1.clone()),
+                depends_on: u
+                    .depends_on
+                    .iter()
+                    .map(|(description, share)| Dependence { description: description.clone(), share: *share })
+                    .collect(),
+            }),
+        }
+    }
+}
+
+fn cause(cause: &Cause) -> CauseAnswer {
+    let std = |i: usize| cause.std.get(i).copied().unwrap_or(0.0);
+    let parameter = |(i, (name, value)): (usize, (&'static str, f64))| (name, Parameter { value, std: std(i) });
+    CauseAnswer {
+        named: named(&cause.effect),
+        probability: cause.probability,
+        parameters: values(&cause.effect).enumerate().map(parameter).collect(),
+        alternatives: cause
+            .alternatives
+            .iter()
+            .map(|a| AlternativeAnswer {
+                named: named(&a.effect),
+                probability: a.probability,
+                parameters: values(&a.effect).collect(),
+            })
+            .collect(),
+    }
+}
+
+fn named(effect: &Effect) -> Named {
+    Named {
+        effect: effect.id(),
+        index: effect.index(),
+        channel: effect.channel().map(str::to_owned),
+        onset_s: effect.onset_s(),
+    }
+}
+
+fn values(effect: &Effect) -> impl Iterator<Item = (&'static str, f64)> {
+    effect.about().parameters.iter().zip(effect.values()).map(|(p, v)| (p.name, *v))
+}

@@ -1,0 +1,109 @@
+//! The answer for a person at a terminal, in the order a person asks: where, what, what else, what it gains.
+
+use fss_identify::diagnosis::{Cause, Diagnosis, Verdict};
+use fss_identify::misfit::ChannelMisfit;
+use std::collections::BTreeMap;
+
+/// RMS over noise beyond which a channel is shown as wrong.
+pub const FAR: f64 = 1.3;
+
+/// Prints it.
+pub fn print(diagnosis: &Diagnosis) {
+    table(diagnosis);
+    println!("\n{}", headline(diagnosis));
+    for cause in &diagnosis.causes {
+        print_cause(cause);
+    }
+    if !diagnosis.suspects.is_empty() {
+        println!("\nCame nearest, but is not asserted:");
+        diagnosis.suspects.iter().for_each(print_cause);
+    }
+    if let Some(left) = &diagnosis.unexplained {
+        println!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
+        if let Some((channel, run, ratio)) = &left.worst {
+            println!("  most in {channel} of {run}, {ratio:.1} times its noise");
+        }
+        for (what, share) in &left.depends_on {
+            println!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
+        }
+    }
+    let on = if diagnosis.validation_before.is_empty() { "the fitted runs" } else { "the validation runs" };
+    println!(
+        "\nRMS over the noise on {on}: {:.3} with the plant file, {:.3} with the extended model\n",
+        diagnosis.gain.before, diagnosis.gain.after
+    );
+}
+
+/// The verdict as a sentence.
+pub fn headline(diagnosis: &Diagnosis) -> &'static str {
+    match diagnosis.verdict {
+        Verdict::Consistent => {
+            "The simulation is consistent with the data: noise and what the plant file says is uncertain explain them."
+        }
+        Verdict::Explained => "The simulation is wrong, and this explains it:",
+        Verdict::PartlyExplained => "The simulation is wrong, and this explains most of it:",
+        Verdict::Unexplained => "The simulation is wrong, and no known effect explains it.",
+    }
+}
+
+fn print_cause(cause: &Cause) {
+    println!("\n  {}  (probability {:.3})", title(cause), cause.probability);
+    println!("    {}", cause.effect.about().sentence);
+    for (i, (p, v)) in cause.effect.about().parameters.iter().zip(cause.effect.values()).enumerate() {
+        match cause.std.get(i) {
+            Some(std) => println!("    {:<26}{v:>12.5} +- {std:.5} {}", p.name, p.unit),
+            None => println!("    {:<26}{v:>12}", p.name),
+        }
+    }
+    for other in &cause.alternatives {
+        println!("    or {} (probability {:.3})", other.effect, other.probability);
+    }
+}
+
+/// What a cause is and where: `thruster_gain 3 from 12.0 s`.
+pub fn title(cause: &Cause) -> String {
+    let effect = &cause.effect;
+    let mut text = effect.id().to_owned();
+    if let Some(index) = effect.index() {
+        text += &format!(" {index}");
+    }
+    if let Some(channel) = effect.channel() {
+        text += &format!(" of {channel}");
+    }
+    if let Some(onset_s) = effect.onset_s() {
+        text += &format!(" from {onset_s:.2} s");
+    }
+    text
+}
+
+/// One row a run, one column a channel: RMS error over what noise alone would give.
+fn table(diagnosis: &Diagnosis) {
+    let (fitted, validation) = (&diagnosis.before, &diagnosis.validation_before);
+    let mut channels: Vec<&str> = Vec::new();
+    for m in fitted.iter().chain(validation) {
+        if !channels.contains(&m.channel.as_str()) {
+            channels.push(&m.channel);
+        }
+    }
+    println!("RMS error over the noise, by run and channel (1 is what noise alone gives)\n");
+    print!("{:<36}", "run");
+    channels.iter().for_each(|channel| print!("{channel:>11}"));
+    println!();
+    for (runs, mark) in [(fitted, ""), (validation, " (validation)")] {
+        let mut rows: BTreeMap<&str, BTreeMap<&str, &ChannelMisfit>> = BTreeMap::new();
+        for m in runs {
+            rows.entry(&m.run).or_default().insert(&m.channel, m);
+        }
+        for (run, row) in rows {
+            print!("{:<36}", format!("{run}{mark}"));
+            for channel in &channels {
+                match row.get(channel) {
+                    Some(m) if m.noise > 0.0 => print!("{:>11.2}", m.ratio()),
+                    Some(m) => print!("{:>11}", format!("{:.2e}?", m.rms)),
+                    None => print!("{:>11}", "-"),
+                }
+            }
+            println!();
+        }
+    }
+}
