@@ -1,6 +1,6 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
-use crate::contest::{Contest, Refined, Selection};
+use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
 use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
 use crate::unexplained::{Unexplained, describe};
@@ -136,12 +136,14 @@ pub fn diagnose(
     if contest.evidence.cells.is_empty() {
         return Ok(nothing_to_say(plant));
     }
-    let mut selection = contest.select(progress)?;
+    // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
+    let first = if plant.base.clamped { 1 } else { MOST_CAUSES };
+    let mut selection = contest.select(first, progress)?;
     let unit = mean_square(&selection.after);
     // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
     let contest = if unit > DOUBTFUL {
         let contest = contest.with_unit(unit);
-        selection = contest.select(progress)?;
+        selection = contest.select(MOST_CAUSES, progress)?;
         contest
     } else {
         contest
@@ -264,7 +266,7 @@ fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f6
         let twin = |o: &&crate::contest::Screened| {
             contest.hypotheses[o.hypothesis].nominal == contest.hypotheses[s.hypothesis].nominal
         };
-        if shown.len() < SHOWN && !shown.iter().any(|o| twin(o)) {
+        if shown.len() < SHOWN && !shown.iter().any(twin) {
             shown.push(s);
         }
     }

@@ -18,6 +18,9 @@ const ROUNDS: usize = 8;
 /// The same, from where another trial left them.
 const ROUNDS_AGAIN: usize = 2;
 
+/// Residual rows of a window for each of several values of its own unknowns.
+type Residuals<'a> = dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>> + 'a;
+
 /// The runs of an experiment, ready to be simulated.
 pub(crate) struct Evidence {
     pub(crate) records: Vec<Box<dyn Record>>,
@@ -86,9 +89,9 @@ impl Evidence {
 }
 
 fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
-    let of_record = |(r, record): (usize, &Box<dyn Record>)| -> Result<Vec<Cell>, ModelError> {
-        let flight = record.flight(trial)?;
-        let spans = record.spans().iter().enumerate();
+    let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
+        let flight = records[r].flight(trial)?;
+        let spans = records[r].spans().iter().enumerate();
         Ok(spans
             .filter_map(|(w, span)| {
                 let old = before.iter().find(|c| c.record == r && c.window == w);
@@ -104,7 +107,7 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell]) -> Result<
             })
             .collect())
     };
-    let parts: Result<Vec<_>, _> = records.par_iter().enumerate().map(of_record).collect();
+    let parts: Result<Vec<_>, _> = (0..records.len()).into_par_iter().map(of_record).collect();
     Ok(parts?.into_iter().flatten().collect())
 }
 
@@ -116,7 +119,7 @@ impl Cell {
         span: &Span,
         guess: &[f64],
         rounds: usize,
-        residuals: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>,
+        residuals: &Residuals,
     ) -> Option<Self> {
         let n = guess.len();
         let mut unknowns = guess.to_vec();
@@ -176,7 +179,7 @@ impl Cell {
 fn linearized(
     span: &Span,
     unknowns: &[f64],
-    residuals: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>,
+    residuals: &Residuals,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let n = unknowns.len();
     let free = n - span.prior_count;

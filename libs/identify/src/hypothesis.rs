@@ -46,20 +46,16 @@ fn hypotheses_of(nominal: Effect) -> Vec<Hypothesis> {
         probe = probe.with(&values);
         probe
     };
-    match about.id {
-        "drive_kinematic_error" => CYCLES
-            .iter()
-            .map(|cycles| {
-                let nominal = nominal.clone().with(&[0.0, *cycles]);
-                let probe = strong(nominal.clone());
-                Hypothesis { nominal, probe, has_shape, is_discrete }
-            })
-            .collect(),
-        _ => {
-            let probe = if has_shape { strong(nominal.clone()) } else { nominal.clone() };
-            vec![Hypothesis { nominal, probe, has_shape, is_discrete }]
-        }
+    if about.id == "drive_kinematic_error" {
+        let at = |cycles: &f64| {
+            let nominal = nominal.clone().with(&[0.0, *cycles]);
+            let probe = strong(nominal.clone());
+            Hypothesis { nominal, probe, has_shape, is_discrete }
+        };
+        return CYCLES.iter().map(at).collect();
     }
+    let probe = if has_shape { strong(nominal.clone()) } else { nominal.clone() };
+    vec![Hypothesis { nominal, probe, has_shape, is_discrete }]
 }
 
 /// Whether anything in these runs could ever show the effect.
@@ -93,6 +89,8 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
             current || (plant.base.clamped && joints)
         }
         "torque_sensor" => torque,
+        // An arm that is simulated from its current would need its rotors' state too.
+        "joint_flexibility" | "joint_backlash" | "drive_kinematic_error" if !floats => false,
         "payload" | "link_mass" | "link_com" | "link_inertia" => joints,
         _ => match effect.about().place {
             Place::Thruster => effect.index().map_or(valves, opens),
@@ -105,11 +103,7 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
 impl Hypothesis {
     /// Number of coordinates.
     pub(crate) fn size(&self) -> usize {
-        match (self.is_discrete, self.nominal.id()) {
-            (true, _) => 1,
-            (_, "drive_kinematic_error") => 1,
-            _ => self.nominal.values().len(),
-        }
+        if self.is_discrete || self.nominal.id() == "drive_kinematic_error" { 1 } else { self.nominal.values().len() }
     }
 
     /// A stiffness that is nominally without bound is asked for by its inverse.

@@ -31,17 +31,14 @@ pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f6
     // Accelerations that a levelled table and a calm room leave.
     let (shift, turn) = (1e-5, 1e-5);
     let sd = match effect.id() {
-        "clock_offset" => vec![1e-3],
-        "thruster_delay" | "thruster_rise_time" => vec![1e-3],
+        "clock_offset" | "thruster_delay" | "thruster_rise_time" | "gyro_scale" => vec![1e-3],
         "encoder_offset" | "encoder_scale" | "marker_yaw" => vec![2e-4],
-        "gyro_bias" => vec![5e-5],
-        "gyro_scale" | "torque_sensor_scale" => vec![1e-3],
-        "marker_offset" => vec![1e-4; 2],
+        "gyro_bias" | "drive_kinematic_error" => vec![5e-5],
+        "marker_offset" | "base_com" => vec![1e-4; 2],
         "table_tilt" => vec![0.3 * shift; 2],
         "body_force" => vec![shift * mass_kg, shift * mass_kg, turn * inertia_kg_m2],
         "base_linear_drag" => vec![1e-4 * mass_kg],
         "base_angular_drag" => vec![1e-4 * inertia_kg_m2],
-        "base_com" => vec![1e-4; 2],
         "base_mass" | "link_mass" => vec![1e-3 * nominal],
         "base_inertia" | "link_inertia" => vec![3e-3 * nominal],
         "link_com" => vec![1e-3 * link_m],
@@ -51,7 +48,6 @@ pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f6
         "thruster_misalignment" => vec![2e-3],
         "joint_backlash" => vec![1e-4],
         "joint_flexibility" => vec![1.5e-5],
-        "drive_kinematic_error" => vec![5e-5],
         _ => return None,
     };
     Some(sd)

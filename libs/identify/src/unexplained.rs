@@ -14,6 +14,9 @@ const FREQUENCIES: usize = 24;
 /// A dependence that explains less than this share of the forces is none.
 const WORTH_SAYING: f64 = 0.5;
 
+/// The generalized force that would close a window: run, middle of the window (s), N, N, N m in table axes.
+pub type Closing = (String, f64, [f64; 3]);
+
 /// What is left unexplained.
 #[derive(Clone, Debug)]
 pub struct Unexplained {
@@ -22,7 +25,7 @@ pub struct Unexplained {
     /// The channel and run where it stands out most, RMS over noise.
     pub worst: Option<(String, String, f64)>,
     /// Generalized force that would close each window: run, middle of the window (s), N, N, N m in table axes.
-    pub closing: Vec<(String, f64, [f64; 3])>,
+    pub closing: Vec<Closing>,
     /// What it depends on, in words, and the share of the misfit that such a term would explain.
     pub depends_on: Vec<(String, f64)>,
 }
@@ -61,12 +64,11 @@ fn columns(
 }
 
 /// The steady force that closes each window, and the share of the excess that such forces take off.
-#[allow(clippy::type_complexity)] // run, time, force
 fn closing(
     contest: &Contest,
     refined: &Refined,
     left: &[nalgebra::DVector<f64>],
-) -> Result<(Vec<(String, f64, [f64; 3])>, f64), ModelError> {
+) -> Result<(Vec<Closing>, f64), ModelError> {
     let probes = [("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)];
     let strength = 1e-3;
     let all: Vec<Column> = probes
@@ -129,30 +131,34 @@ fn period(contest: &Contest, refined: &Refined) -> Result<Option<(String, f64)>,
     Ok(Some((text, (gain / excess).min(1.0))))
 }
 
+/// The base in the middle of a window, and the force that would close it.
+struct Window {
+    pose: [f64; 3],
+    velocity: [f64; 3],
+    force: [f64; 3],
+}
+
 /// How well place, heading and speed at a window's middle say its closing force (coefficient of determination).
-fn place_and_speed(closing: &[(String, f64, [f64; 3])], runs: &[Run]) -> Vec<(String, f64)> {
-    let mut rows = Vec::new();
+fn place_and_speed(closing: &[Closing], runs: &[Run]) -> Vec<(String, f64)> {
+    let mut rows: Vec<Window> = Vec::new();
     for (name, t_s, force) in closing {
         let Some(poses) = runs.iter().find(|r| r.name == *name).and_then(|r| r.base_pose.as_ref()) else { continue };
         let k = poses.t_s.partition_point(|t| t < t_s).min(poses.t_s.len() - 1);
         let (a, b) = (k.saturating_sub(25), (k + 25).min(poses.t_s.len() - 1));
         let dt = (poses.t_s[b] - poses.t_s[a]).max(1e-6);
         let rate = |i: usize| (poses.values[b][i] - poses.values[a][i]) / dt;
-        rows.push((poses.values[k], [rate(0), rate(1), rate(2)], *force));
+        rows.push(Window { pose: poses.values[k], velocity: [rate(0), rate(1), rate(2)], force: *force });
     }
-    let share = |features: &dyn Fn(&([f64; 3], [f64; 3], [f64; 3])) -> Vec<f64>| determination(&rows, features);
+    let share = |features: fn(&Window) -> Vec<f64>| determination(&rows, features);
     vec![
-        ("the place on the table".to_owned(), share(&|r| vec![1.0, r.0[0], r.0[1]])),
-        ("the heading of the base".to_owned(), share(&|r| vec![1.0, r.0[2].cos(), r.0[2].sin()])),
-        ("the velocity of the base".to_owned(), share(&|r| vec![1.0, r.1[0], r.1[1], r.1[2]])),
+        ("the place on the table".to_owned(), share(|w| vec![1.0, w.pose[0], w.pose[1]])),
+        ("the heading of the base".to_owned(), share(|w| vec![1.0, w.pose[2].cos(), w.pose[2].sin()])),
+        ("the velocity of the base".to_owned(), share(|w| vec![1.0, w.velocity[0], w.velocity[1], w.velocity[2]])),
     ]
 }
 
 /// Share of the variance of the forces that a linear function of the features explains, for the degrees of freedom it uses.
-fn determination(
-    rows: &[([f64; 3], [f64; 3], [f64; 3])],
-    features: &dyn Fn(&([f64; 3], [f64; 3], [f64; 3])) -> Vec<f64>,
-) -> f64 {
+fn determination(rows: &[Window], features: fn(&Window) -> Vec<f64>) -> f64 {
     let Some(width) = rows.first().map(|r| features(r).len()) else { return 0.0 };
     if rows.len() < 3 * width {
         return 0.0;
@@ -160,7 +166,7 @@ fn determination(
     let x = nalgebra::DMatrix::from_fn(rows.len(), width, |i, j| features(&rows[i])[j]);
     let (mut left, mut all) = (0.0, 0.0);
     for component in 0..3 {
-        let y = nalgebra::DVector::from_fn(rows.len(), |i, _| rows[i].2[component]);
+        let y = nalgebra::DVector::from_fn(rows.len(), |i, _| rows[i].force[component]);
         let scale = y.norm().max(1e-30);
         let y = y / scale;
         let mean = y.mean();

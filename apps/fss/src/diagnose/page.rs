@@ -35,7 +35,11 @@ pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
         html.push_str("<h2>What was considered</h2>");
         ranking(&mut html, diagnosis);
     }
-    let _ = write!(html, "<h2>Residuals before and after</h2><p>{} runs fitted. The band is two standard deviations of the noise.</p>", runs.len());
+    let _ = write!(
+        html,
+        "<h2>Residuals before and after</h2><p>{} runs fitted. The band is two standard deviations of the noise.</p>",
+        runs.len()
+    );
     for (before, after, kind) in [
         (&diagnosis.before, &diagnosis.after, ""),
         (&diagnosis.validation_before, &diagnosis.validation_after, " (validation)"),
@@ -69,11 +73,20 @@ fn causes(html: &mut String, diagnosis: &Diagnosis) {
             if !cause.alternatives.is_empty() {
                 html.push_str("<p>Or, in its place:</p><ul>");
                 for other in &cause.alternatives {
-                    let _ = write!(html, "<li>{} &mdash; probability {:.3}</li>", escape(&other.effect.to_string()), other.probability);
+                    let _ = write!(
+                        html,
+                        "<li>{} &mdash; probability {:.3}</li>",
+                        escape(&other.effect.to_string()),
+                        other.probability
+                    );
                 }
                 html.push_str("</ul>");
             }
-            let _ = write!(html, "<p>Runs left out of the fit keep {:.0} % of its gain.</p>", 100.0 * cause.kept.clamp(0.0, 1.0));
+            let _ = write!(
+                html,
+                "<p>Runs left out of the fit keep {:.0} % of its gain.</p>",
+                100.0 * cause.kept.clamp(0.0, 1.0)
+            );
         }
     }
 }
@@ -152,10 +165,20 @@ fn unexplained(html: &mut String, diagnosis: &Diagnosis) {
         for (k, v) in values.iter().enumerate() {
             let (x, size) = (60.0 + k as f64 * width, (HEIGHT / 2.0 - 12.0) * v.abs() / top);
             let y = if *v > 0.0 { HEIGHT / 2.0 - size } else { HEIGHT / 2.0 };
-            let _ = write!(html, "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{size:.1}\" fill=\"#2b6ca3\"/>", 0.8 * width);
+            let _ = write!(
+                html,
+                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{size:.1}\" fill=\"#2b6ca3\"/>",
+                0.8 * width
+            );
             let run = left.closing[k].0.as_str();
             if run != last {
-                let _ = write!(html, "<path d=\"M{x:.1} 0V{HEIGHT}\" stroke=\"#ccc\"/><text x=\"{:.1}\" y=\"{:.0}\" font-size=\"10\" fill=\"#555\">{}</text>", x + 2.0, HEIGHT - 2.0, escape(run));
+                let _ = write!(
+                    html,
+                    "<path d=\"M{x:.1} 0V{HEIGHT}\" stroke=\"#ccc\"/><text x=\"{:.1}\" y=\"{:.0}\" font-size=\"10\" fill=\"#555\">{}</text>",
+                    x + 2.0,
+                    HEIGHT - 2.0,
+                    escape(run)
+                );
                 last = run;
             }
         }

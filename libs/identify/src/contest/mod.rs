@@ -7,7 +7,7 @@ mod select;
 
 pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;
-pub(crate) use select::Selection;
+pub(crate) use select::{MOST_CAUSES, Selection};
 
 use crate::evidence::Evidence;
 use crate::hypothesis::{Hypothesis, hypotheses};
@@ -91,6 +91,11 @@ impl Contest {
         self.unit = unit;
         self.factor = own.cholesky();
         self
+    }
+
+    /// Whether every window's motion must be fitted anew wherever the plant changes.
+    fn is_chaotic(&self) -> bool {
+        self.evidence.records.iter().any(|r| r.is_chaotic())
     }
 
     /// Number of columns in the screen.

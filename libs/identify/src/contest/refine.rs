@@ -11,6 +11,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Rounds of Gauss-Newton.
 const ROUNDS: usize = 6;
+/// The same where every window's motion must be fitted anew.
+const ROUNDS_IF_CHAOTIC: usize = 4;
 
 /// Causes with the values that fit best.
 #[derive(Clone)]
@@ -59,10 +61,10 @@ impl Contest {
         let mut now = self.point(effects)?;
         let mut columns = self.columns_at(hypotheses, &now)?;
         let mut reduced = self.reduce(&now.residuals, &columns);
-        for _ in 0..ROUNDS {
+        for _ in 0..if self.is_chaotic() { ROUNDS_IF_CHAOTIC } else { ROUNDS } {
             let all: Vec<usize> = (0..columns.len()).collect();
             let fit = reduced.normal.fit(&all);
-            let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c)? else { break };
+            let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c) else { break };
             let gain = reduced.normal.c - better;
             now = next;
             columns = self.columns_at(hypotheses, &now)?;
@@ -105,7 +107,7 @@ impl Contest {
         now: &Point,
         fit: &Fit,
         chi2: f64,
-    ) -> Result<Option<(Point, f64)>, ModelError> {
+    ) -> Option<(Point, f64)> {
         let mut length = 1.0;
         for _ in 0..4 {
             let mut at = 0;
@@ -130,12 +132,12 @@ impl Contest {
             if let Ok(next) = self.point(&effects) {
                 let better = self.reduce(&next.residuals, &[]).normal.c;
                 if better < chi2 {
-                    return Ok(Some((next, better)));
+                    return Some((next, better));
                 }
             }
             length *= 0.3;
         }
-        Ok(None)
+        None
     }
 
     /// Columns of every parameter at the effects' values.

@@ -37,10 +37,12 @@ impl Contest {
 
     /// Times at which something could have begun: where windows begin.
     fn onsets_s(&self) -> Vec<f64> {
+        if self.is_chaotic() {
+            return Vec::new(); // a model that is far from the noise everywhere has a beginning nowhere
+        }
         let mut starts: Vec<f64> = self.evidence.cells.iter().map(|c| c.from_s).filter(|t| *t > 1.0).collect();
         starts.sort_by(f64::total_cmp);
         starts.dedup_by(|a, b| (*a - *b).abs() < 1.0);
-        // A clamped arm has many short windows: a dozen places to begin are enough to look at.
         let stride = starts.len().div_ceil(12).max(1);
         starts.into_iter().step_by(stride).collect()
     }

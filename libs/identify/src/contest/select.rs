@@ -11,10 +11,12 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Causes taken at most.
-const MOST_CAUSES: usize = 4;
+pub(crate) const MOST_CAUSES: usize = 4;
 /// Contestants that are refitted with the real simulation, and those that look much like the best of them.
 const CONTESTANTS: usize = 8;
 const MOST_CONTESTANTS: usize = 14;
+/// The same where each refit is dear, because every window's motion must be fitted anew.
+const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
 /// What a cause must gain (fall of the sum of squares, in units of what noise and everything unexplained make of one degree
 /// of freedom) before anybody is told of it.
@@ -28,6 +30,8 @@ const LEAST_SHARE: f64 = 0.12;
 const LEAST_SHARE_OF_ONSET: f64 = 0.4;
 /// What a left-out run must keep of the gain.
 const LEAST_KEPT: f64 = 0.3;
+/// How many of its standard deviations one of several causes must be away from nothing.
+const LEAST_CLEARNESS: f64 = 3.0;
 /// Correlation of residuals that no model has: differences of sums of squares count for so many times less.
 const TEMPER: f64 = 4.0;
 
@@ -63,13 +67,13 @@ pub(crate) struct Selection {
 }
 
 impl Contest {
-    /// Takes causes as long as the data insist.
-    pub(crate) fn select(&self, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
+    /// Takes causes as long as the data insist, at most so many.
+    pub(crate) fn select(&self, most: usize, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
         let before = self.nothing();
         let mut after = before.clone();
         let mut rivals: Vec<Vec<Refined>> = Vec::new();
         let mut screened = Vec::new();
-        while after.hypotheses.len() < MOST_CAUSES {
+        while after.hypotheses.len() < most {
             say(&format!("contest for cause {}", after.hypotheses.len() + 1));
             let screen = self.screen(&after.residuals, &after.hypotheses);
             let contest = self.contest(&after, &screen)?;
@@ -88,11 +92,15 @@ impl Contest {
         let mut others = self.all_rivals(&after, &rivals)?;
         // A cause taken early may have stood for one that fits better beside those taken later.
         for _ in 0..2 {
-            let better = others.iter().flatten().min_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
-            match better.filter(|r| self.cost(r) < self.cost(&after) - unit(&after)) {
+            let better = others.iter().flatten().min_by(|a, b| Self::cost(a).total_cmp(&Self::cost(b)));
+            match better.filter(|r| Self::cost(r) < Self::cost(&after) - unit(&after)) {
                 Some(better) => after = better.clone(),
                 None => break,
             }
+            others = self.all_rivals(&after, &[])?;
+        }
+        while let Some(vague) = self.vaguest(&after) {
+            after = self.refine_without(&after, vague)?;
             others = self.all_rivals(&after, &[])?;
         }
         let taken = self.weigh(&after, &others)?;
@@ -102,14 +110,16 @@ impl Contest {
     /// The best of the screen, each refitted beside the causes taken already; best first.
     fn contest(&self, taken: &Refined, screen: &[Screened]) -> Result<Vec<Refined>, ModelError> {
         let noise = unit(taken);
+        let (contestants, most) =
+            if self.is_chaotic() { (CONTESTANTS_IF_CHAOTIC, CONTESTANTS_IF_CHAOTIC) } else { (CONTESTANTS, MOST_CONTESTANTS) };
         let worth = |s: &&Screened| s.gain / noise > 0.5 * LEAST_GAIN && !taken.hypotheses.contains(&s.hypothesis);
-        let mut chosen: Vec<&Screened> = screen.iter().filter(worth).take(CONTESTANTS).collect();
+        let mut chosen: Vec<&Screened> = screen.iter().filter(worth).take(contestants).collect();
         if let Some(best) = chosen.first().copied() {
-            let near: Vec<&Screened> = screen.iter().filter(worth).skip(CONTESTANTS).take(40).collect();
+            let near: Vec<&Screened> = screen.iter().filter(worth).skip(contestants).take(40).collect();
             let all: Vec<usize> = std::iter::once(best).chain(near.iter().copied()).map(|s| s.hypothesis).collect();
             let cosines = self.confusability(&all);
             let alike = near.iter().enumerate().filter(|(i, _)| cosines[(0, i + 1)] > ALIKE).map(|(_, s)| *s);
-            chosen.extend(alike.take(MOST_CONTESTANTS - CONTESTANTS));
+            chosen.extend(alike.take(most - contestants));
         }
         let refit = |s: &&Screened| -> Result<Option<Refined>, ModelError> {
             let mut hypotheses = taken.hypotheses.clone();
@@ -125,12 +135,12 @@ impl Contest {
         };
         let all: Result<Vec<_>, _> = chosen.par_iter().map(refit).collect();
         let mut all: Vec<Refined> = all?.into_iter().flatten().collect();
-        all.sort_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
+        all.sort_by(|a, b| Self::cost(a).total_cmp(&Self::cost(b)));
         Ok(all)
     }
 
     /// Sum of squares and what each parameter costs: of two causes that fit alike, the one with fewer parameters.
-    fn cost(&self, refined: &Refined) -> f64 {
+    fn cost(refined: &Refined) -> f64 {
         let count: usize = refined.effects.iter().map(|e| e.values().len() + usize::from(e.onset_s().is_some())).sum();
         refined.chi2 + 12.0 * count as f64 * unit(refined)
     }
@@ -142,24 +152,11 @@ impl Contest {
         let share = if excess > 0.0 { gain / excess } else { 1.0 };
         let last = next.effects.len() - 1;
         let idle = self.hypotheses[next.hypotheses[last]].is_idle(&next.effects[last]);
-        std::env::var_os("FSS_TRACE").inspect(|_| {
-            eprintln!(
-                "insist? {} gain {gain:.1} unit {:.3} share {share:.3} kept {:.2} chi2 {:.3}",
-                next.effects[last],
-                unit(next),
-                self.kept(next, last),
-                next.chi2 / next.freedom
-            );
-        });
         let (least, least_share) = match next.effects[last].onset_s() {
             Some(_) => (LEAST_GAIN_OF_ONSET, LEAST_SHARE_OF_ONSET),
             None => (LEAST_GAIN, LEAST_SHARE),
         };
-        !idle
-            && self.is_worth_saying(next, last)
-            && gain / unit(next) > least
-            && share > least_share
-            && self.kept(next, last) > LEAST_KEPT
+        !idle && self.is_worth_saying(next, last) && gain / unit(next) > least && share > least_share && self.kept(next, last) > LEAST_KEPT
     }
 
     /// Whether a cause is beyond what every laboratory is off by.
@@ -199,6 +196,36 @@ impl Contest {
         if hypotheses.is_empty() { Ok(self.nothing()) } else { self.refine(&hypotheses, &effects) }
     }
 
+    /// A cause among several whose size is not known well enough to say that it is there; windows that disagree about it
+    /// make it so.
+    fn vaguest(&self, after: &Refined) -> Option<usize> {
+        if after.hypotheses.len() < 2 {
+            return None;
+        }
+        let spread = self.spread(after);
+        let mut at = 0;
+        let mut worst: Option<(usize, f64)> = None;
+        for (i, (h, effect)) in after.hypotheses.iter().zip(&after.effects).enumerate() {
+            let hypothesis = &self.hypotheses[*h];
+            if hypothesis.is_discrete {
+                continue;
+            }
+            let (values, nominal) = (effect.values(), hypothesis.nominal.values());
+            // The first parameter of an effect with a shape is its strength; the others are sizes themselves.
+            let counted = if hypothesis.has_shape { 1 } else { values.len() };
+            let away = |k: usize| {
+                let off = if hypothesis.is_compliance() { 1.0 / values[k] } else { values[k] - nominal[k] };
+                off.abs() / spread[at + k].max(1e-300)
+            };
+            let clearest = (0..counted).map(away).fold(0.0, f64::max);
+            if clearest < LEAST_CLEARNESS && worst.is_none_or(|(_, w)| clearest < w) {
+                worst = Some((i, clearest));
+            }
+            at += values.len();
+        }
+        worst.map(|(i, _)| i)
+    }
+
     /// The rivals of each cause taken.
     fn all_rivals(&self, after: &Refined, contests: &[Vec<Refined>]) -> Result<Vec<Vec<Refined>>, ModelError> {
         (0..after.hypotheses.len())
@@ -221,7 +248,7 @@ impl Contest {
             let without = self.refine_without(after, i)?;
             let others = &rivals[i];
             let scale = 2.0 * TEMPER * unit(after).max(1.0);
-            let weight = |r: &Refined| (-(self.cost(r) - self.cost(after)) / scale).exp();
+            let weight = |r: &Refined| (-(Self::cost(r) - Self::cost(after)) / scale).exp();
             let total = 1.0 + others.iter().map(weight).sum::<f64>();
             let mut alternatives: Vec<Alternative> = others
                 .iter()
@@ -244,27 +271,18 @@ impl Contest {
     }
 
     /// Other causes in the place of cause `i`, refitted beside the other causes taken.
-    fn rivals_of(
-        &self,
-        after: &Refined,
-        i: usize,
-        without: &Refined,
-        rivals: &[Vec<Refined>],
-    ) -> Result<Vec<Refined>, ModelError> {
+    fn rivals_of(&self, after: &Refined, i: usize, without: &Refined, rivals: &[Vec<Refined>]) -> Result<Vec<Refined>, ModelError> {
         let noise = unit(after);
         let mut tried: BTreeSet<usize> = after.hypotheses.iter().copied().collect();
         let mut starts: Vec<(usize, Effect)> = Vec::new();
-        let others: Vec<usize> =
-            after.hypotheses.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, h)| *h).collect();
-        for s in self.screen(&without.residuals, &others).into_iter().take(CONTESTANTS) {
+        let others: Vec<usize> = after.hypotheses.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, h)| *h).collect();
+        for s in self.screen(&without.residuals, &others).into_iter().take(if self.is_chaotic() { 3 } else { CONTESTANTS }) {
             // What a linear fit puts far behind stays there.
             if s.gain > 0.4 * (without.chi2 - after.chi2) && s.gain > LEAST_GAIN * noise && tried.insert(s.hypothesis) {
                 starts.push((s.hypothesis, s.effect));
             }
         }
-        if after.hypotheses.len() == 1
-            && let Some(first) = rivals.first()
-        {
+        if after.hypotheses.len() == 1 && let Some(first) = rivals.first() {
             let again = first.iter().filter(|r| r.hypotheses != after.hypotheses);
             let mut found: Vec<Refined> = again.cloned().collect();
             let known: BTreeSet<usize> = found.iter().map(|r| r.hypotheses[0]).collect();
@@ -340,8 +358,7 @@ impl Contest {
         let away = DVector::from_fn(own.len(), |k, _| nominal[k] - refined.effects[which].values()[k]);
         let (mut kept, mut whole) = (0.0, 0.0);
         for f in folds {
-            let rest =
-                Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) != f).map(|(_, n)| n));
+            let rest = Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) != f).map(|(_, n)| n));
             let out = Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) == f).map(|(_, n)| n));
             let columns: Vec<usize> = (0..own.len()).collect();
             let value = rest.fit(&columns).value;

@@ -139,7 +139,7 @@ impl Window {
         layout.end_effector(self);
         layout.torques(self);
         let knots = self.room.as_ref().map_or(0, |r| 3 * r[0].nrows());
-        let mut guess = self.first_guess(run, self.grid(start_s).start_s);
+        let mut guess = Self::first_guess(run, self.grid(start_s).start_s);
         guess.resize(6 + knots, 0.0);
         let mut steps = vec![1e-5; 6];
         steps.resize(6 + knots, 1.0);
@@ -149,7 +149,7 @@ impl Window {
 
     /// A first guess of the state at the start of the grid: from the poses around it, or, where the run begins later, from
     /// the first ones.
-    fn first_guess(&self, run: &Run, grid_s: f64) -> Vec<f64> {
+    fn first_guess(run: &Run, grid_s: f64) -> Vec<f64> {
         let Some(poses) = &run.base_pose else { return vec![0.0; 6] };
         let near = poses.t_s.partition_point(|t| *t < grid_s);
         let last = poses.t_s.len() - 1;
