@@ -241,7 +241,7 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
         .collect();
     let left = mean_square(&selection.after);
     if all.is_empty() {
-        let quiet = left < CONSISTENT && contest.worst_channel(&selection.after) < CONSISTENT_CHANNEL;
+        let quiet = left < CONSISTENT && stands_out(contest, selection) < CONSISTENT_CHANNEL;
         return (if quiet { Verdict::Consistent } else { Verdict::Unexplained }, Vec::new(), Vec::new());
     }
     let excess = selection.before.chi2 - selection.before.freedom;
@@ -252,10 +252,14 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
     let (asserted, doubtful): (Vec<_>, Vec<_>) =
         all.into_iter().enumerate().partition(|(i, c)| *i == 0 || c.probability >= SURE);
     let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
-    let whole = left < ALL_EXPLAINED
-        && doubtful.is_empty()
-        && contest.worst_channel(&selection.after) < 2.0 * CONSISTENT_CHANNEL;
+    let whole =
+        left < ALL_EXPLAINED && doubtful.is_empty() && stands_out(contest, selection) < 2.0 * CONSISTENT_CHANNEL;
     (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, strip(asserted), strip(doubtful))
+}
+
+/// RMS over noise of the channel that stands out most from what the causes leave.
+fn stands_out(contest: &Contest, selection: &Selection) -> f64 {
+    contest.worst(&selection.after).map_or(0.0, |(_, _, rms)| rms)
 }
 
 fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f64>>) {

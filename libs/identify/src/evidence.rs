@@ -176,11 +176,7 @@ impl Cell {
 }
 
 /// Whitened rows, those of the priors below them, and their negative derivatives by the window's own unknowns.
-fn linearized(
-    span: &Span,
-    unknowns: &[f64],
-    residuals: &Residuals,
-) -> (DMatrix<f64>, DVector<f64>) {
+fn linearized(span: &Span, unknowns: &[f64], residuals: &Residuals) -> (DMatrix<f64>, DVector<f64>) {
     let n = unknowns.len();
     let free = n - span.prior_count;
     let mut points = vec![unknowns.to_vec()];

@@ -63,17 +63,10 @@ fn print_cause(cause: &Cause) {
 /// What a cause is and where: `thruster_gain 3 from 12.0 s`.
 pub fn title(cause: &Cause) -> String {
     let effect = &cause.effect;
-    let mut text = effect.id().to_owned();
-    if let Some(index) = effect.index() {
-        text += &format!(" {index}");
-    }
-    if let Some(channel) = effect.channel() {
-        text += &format!(" of {channel}");
-    }
-    if let Some(onset_s) = effect.onset_s() {
-        text += &format!(" from {onset_s:.2} s");
-    }
-    text
+    let index = effect.index().map_or_else(String::new, |i| format!(" {i}"));
+    let channel = effect.channel().map_or_else(String::new, |c| format!(" of {c}"));
+    let onset = effect.onset_s().map_or_else(String::new, |t| format!(" from {t:.2} s"));
+    format!("{}{index}{channel}{onset}", effect.id())
 }
 
 /// One row a run, one column a channel: RMS error over what noise alone would give.
@@ -87,7 +80,9 @@ fn table(diagnosis: &Diagnosis) {
     }
     println!("RMS error over the noise, by run and channel (1 is what noise alone gives)\n");
     print!("{:<36}", "run");
-    channels.iter().for_each(|channel| print!("{channel:>11}"));
+    for channel in &channels {
+        print!("{channel:>11}");
+    }
     println!();
     for (runs, mark) in [(fitted, ""), (validation, " (validation)")] {
         let mut rows: BTreeMap<&str, BTreeMap<&str, &ChannelMisfit>> = BTreeMap::new();

@@ -150,7 +150,8 @@ impl Contest {
         residuals.iter().zip(&self.columns).map(|(r, j)| r - j.columns(0, n) * nuisance).collect()
     }
 
-    /// The channel of a run that stands out most from its noise: channel, run, RMS of its whitened rows.
+    /// The channel of a run that stands out most from its noise: channel, run, RMS of its whitened rows. Gyro and torques
+    /// count half: between two reports a joint moves in ways that nothing tells, and they feel it first.
     pub(crate) fn worst(&self, refined: &Refined) -> Option<(String, String, f64)> {
         let left = self.unexplained(&refined.residuals, &refined.nuisance);
         let mut sums: BTreeMap<(usize, usize), (f64, usize)> = BTreeMap::new();
@@ -163,14 +164,15 @@ impl Contest {
             }
         }
         let rms = |(key, (sum, count)): (&(usize, usize), &(f64, usize))| (*key, (sum / *count as f64).sqrt());
-        let ((record, channel), rms) = sums.iter().map(rms).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let weight = |(record, channel): (usize, usize)| {
+            let name = &self.evidence.records[record].channels()[channel];
+            if name.starts_with("base") || name.starts_with("ee") || name.starts_with('q') { 1.0 } else { 0.5 }
+        };
+        let weighed = |a: &((usize, usize), f64)| a.1 * weight(a.0);
+        let ((record, channel), rms) = sums.iter().map(rms).max_by(|a, b| weighed(a).total_cmp(&weighed(b)))?;
+        let rms = rms * weight((record, channel));
         let record = &self.evidence.records[record];
         Some((record.channels()[channel].clone(), record.name().to_owned(), rms))
-    }
-
-    /// Largest RMS of a channel of a run over its noise.
-    pub(crate) fn worst_channel(&self, refined: &Refined) -> f64 {
-        self.worst(refined).map_or(0.0, |(_, _, rms)| rms)
     }
 
     /// The plant with its uncertain values where the nuisances put them.

@@ -101,13 +101,7 @@ impl Contest {
     }
 
     /// A step along the fit that makes the sum of squares smaller, shortened until it does; `None` where none does.
-    fn step(
-        &self,
-        hypotheses: &[usize],
-        now: &Point,
-        fit: &Fit,
-        chi2: f64,
-    ) -> Option<(Point, f64)> {
+    fn step(&self, hypotheses: &[usize], now: &Point, fit: &Fit, chi2: f64) -> Option<(Point, f64)> {
         let mut length = 1.0;
         for _ in 0..4 {
             let mut at = 0;

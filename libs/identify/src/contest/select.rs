@@ -110,8 +110,11 @@ impl Contest {
     /// The best of the screen, each refitted beside the causes taken already; best first.
     fn contest(&self, taken: &Refined, screen: &[Screened]) -> Result<Vec<Refined>, ModelError> {
         let noise = unit(taken);
-        let (contestants, most) =
-            if self.is_chaotic() { (CONTESTANTS_IF_CHAOTIC, CONTESTANTS_IF_CHAOTIC) } else { (CONTESTANTS, MOST_CONTESTANTS) };
+        let (contestants, most) = if self.is_chaotic() {
+            (CONTESTANTS_IF_CHAOTIC, CONTESTANTS_IF_CHAOTIC)
+        } else {
+            (CONTESTANTS, MOST_CONTESTANTS)
+        };
         let worth = |s: &&Screened| s.gain / noise > 0.5 * LEAST_GAIN && !taken.hypotheses.contains(&s.hypothesis);
         let mut chosen: Vec<&Screened> = screen.iter().filter(worth).take(contestants).collect();
         if let Some(best) = chosen.first().copied() {
@@ -156,7 +159,11 @@ impl Contest {
             Some(_) => (LEAST_GAIN_OF_ONSET, LEAST_SHARE_OF_ONSET),
             None => (LEAST_GAIN, LEAST_SHARE),
         };
-        !idle && self.is_worth_saying(next, last) && gain / unit(next) > least && share > least_share && self.kept(next, last) > LEAST_KEPT
+        !idle
+            && self.is_worth_saying(next, last)
+            && gain / unit(next) > least
+            && share > least_share
+            && self.kept(next, last) > LEAST_KEPT
     }
 
     /// Whether a cause is beyond what every laboratory is off by.
@@ -271,18 +278,29 @@ impl Contest {
     }
 
     /// Other causes in the place of cause `i`, refitted beside the other causes taken.
-    fn rivals_of(&self, after: &Refined, i: usize, without: &Refined, rivals: &[Vec<Refined>]) -> Result<Vec<Refined>, ModelError> {
+    fn rivals_of(
+        &self,
+        after: &Refined,
+        i: usize,
+        without: &Refined,
+        rivals: &[Vec<Refined>],
+    ) -> Result<Vec<Refined>, ModelError> {
         let noise = unit(after);
         let mut tried: BTreeSet<usize> = after.hypotheses.iter().copied().collect();
         let mut starts: Vec<(usize, Effect)> = Vec::new();
-        let others: Vec<usize> = after.hypotheses.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, h)| *h).collect();
-        for s in self.screen(&without.residuals, &others).into_iter().take(if self.is_chaotic() { 3 } else { CONTESTANTS }) {
+        let others: Vec<usize> =
+            after.hypotheses.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, h)| *h).collect();
+        for s in
+            self.screen(&without.residuals, &others).into_iter().take(if self.is_chaotic() { 3 } else { CONTESTANTS })
+        {
             // What a linear fit puts far behind stays there.
             if s.gain > 0.4 * (without.chi2 - after.chi2) && s.gain > LEAST_GAIN * noise && tried.insert(s.hypothesis) {
                 starts.push((s.hypothesis, s.effect));
             }
         }
-        if after.hypotheses.len() == 1 && let Some(first) = rivals.first() {
+        if after.hypotheses.len() == 1
+            && let Some(first) = rivals.first()
+        {
             let again = first.iter().filter(|r| r.hypotheses != after.hypotheses);
             let mut found: Vec<Refined> = again.cloned().collect();
             let known: BTreeSet<usize> = found.iter().map(|r| r.hypotheses[0]).collect();
@@ -358,7 +376,8 @@ impl Contest {
         let away = DVector::from_fn(own.len(), |k, _| nominal[k] - refined.effects[which].values()[k]);
         let (mut kept, mut whole) = (0.0, 0.0);
         for f in folds {
-            let rest = Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) != f).map(|(_, n)| n));
+            let rest =
+                Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) != f).map(|(_, n)| n));
             let out = Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) == f).map(|(_, n)| n));
             let columns: Vec<usize> = (0..own.len()).collect();
             let value = rest.fit(&columns).value;
