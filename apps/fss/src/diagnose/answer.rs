@@ -42,7 +42,8 @@ struct Named {
 #[derive(Serialize)]
 struct Parameter {
     value: f64,
-    std: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    std: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -50,7 +51,7 @@ struct AlternativeAnswer {
     #[serde(flatten)]
     named: Named,
     probability: f64,
-    parameters: BTreeMap<&'static str, f64>,
+    parameters: BTreeMap<&'static str, Parameter>,
 }
 
 #[derive(Serialize)]
@@ -117,7 +118,8 @@ impl Answer {
 }
 
 fn cause(cause: &Cause) -> CauseAnswer {
-    let std = |i: usize| cause.std.get(i).copied().unwrap_or(0.0);
+    // An exchange of wires has no size, and so no deviation.
+    let std = |i: usize| Some(cause.std.get(i).copied().unwrap_or(0.0));
     let parameter = |(i, (name, value)): (usize, (&'static str, f64))| (name, Parameter { value, std: std(i) });
     CauseAnswer {
         named: named(&cause.effect),
@@ -129,7 +131,7 @@ fn cause(cause: &Cause) -> CauseAnswer {
             .map(|a| AlternativeAnswer {
                 named: named(&a.effect),
                 probability: a.probability,
-                parameters: values(&a.effect).collect(),
+                parameters: values(&a.effect).map(|(name, value)| (name, Parameter { value, std: None })).collect(),
             })
             .collect(),
     }

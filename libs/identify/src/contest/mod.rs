@@ -4,6 +4,7 @@
 mod refine;
 mod screen;
 mod select;
+mod sides;
 
 pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;

@@ -20,7 +20,7 @@ const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
 /// What a cause must gain (fall of the sum of squares, in units of what noise and everything unexplained make of one degree
 /// of freedom) before anybody is told of it.
-const LEAST_GAIN: f64 = 60.0;
+const LEAST_GAIN: f64 = 45.0;
 /// More where its beginning was chosen too.
 const LEAST_GAIN_OF_ONSET: f64 = 100.0;
 /// A cause within so many of the deviations that go without saying is not worth a name.
@@ -80,10 +80,7 @@ impl Contest {
             if screened.is_empty() {
                 screened = screen;
             }
-            let Some(best) = contest.first() else { break };
-            if !self.insists(&after, best) {
-                break;
-            }
+            let Some(best) = contest.iter().find(|next| self.insists(&after, next)) else { break };
             after = best.clone();
             rivals.push(contest);
         }
@@ -160,6 +157,7 @@ impl Contest {
             None => (LEAST_GAIN, LEAST_SHARE),
         };
         !idle
+            && self.sides_agree(next, last)
             && self.is_worth_saying(next, last)
             && gain / unit(next) > least
             && share > least_share

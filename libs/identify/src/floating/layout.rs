@@ -20,6 +20,10 @@ pub(super) const FEWEST_POSES: usize = 12;
 const BIN_S: f64 = 0.05;
 /// Between the knots of the room's force, s.
 const KNOT_S: f64 = 1.0;
+/// When a drive takes up its command is known to about this, s.
+const JUMP_S: f64 = 0.08;
+/// And how strongly, to this share.
+const ACCELERATION_SHARE: f64 = 0.1;
 /// Friction is not known better than this near rest, N m.
 const REST_FRICTION_N_M: f64 = 0.05;
 
@@ -279,10 +283,11 @@ impl Layout<'_> {
             let physics = self.rollout.physics(t_s);
             let mass = self.rollout.model(t_s).mass_matrix(&placed(&self.motion.samples[half].q_rad, [0.0; 3]));
             let inertia = free_inertia(&mass);
-            let [_, rates, accelerations] = &self.motion.variance[half];
+            let rates = &self.motion.variance[half][1];
+            let accelerations = self.acceleration_variance(half);
             for joint in 0..n {
                 let row: JointVector = inertia.column(joint).into_owned();
-                let motion = row.component_mul(&row).dot(accelerations);
+                let motion = row.component_mul(&row).dot(&accelerations);
                 let (rate, rate_variance) = (self.motion.samples[half].qd_rad_s[joint], rates[joint]);
                 let friction = &physics.joints[joint].friction;
                 let unsure = 1.0 - direction(rate, rate_variance.sqrt()).powi(2);
@@ -295,6 +300,20 @@ impl Layout<'_> {
                 self.torque_rows(joint, n, t_s, [sensor * sensor, motion, current], [sensed, driven]);
             }
         }
+    }
+
+    /// What is not known of the joints' accelerations: what the smoother leaves, a share of their size, and where they change
+    /// at once, all of the change, since nobody knows to the sample when a drive takes up its command.
+    fn acceleration_variance(&self, half: usize) -> JointVector {
+        let reach = (JUMP_S / (0.5 * STEP_S)).round() as usize;
+        let near =
+            &self.motion.acceleration[half.saturating_sub(reach)..(half + reach + 1).min(self.motion.samples.len())];
+        JointVector::from_fn(|joint, _| {
+            let values = near.iter().map(|a| a[joint]);
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            let own = self.motion.acceleration[half][joint];
+            self.motion.variance[half][2][joint] + (high - low).powi(2) + (ACCELERATION_SHARE * own).powi(2)
+        })
     }
 
     /// The rows of one joint at one time, from the variances of sensor, motion and current.
