@@ -10,7 +10,7 @@ mod play;
 mod score;
 mod story;
 mod survey;
-mod twins;
+pub mod twins;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};

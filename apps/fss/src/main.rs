@@ -9,6 +9,7 @@ mod files;
 mod generate;
 mod host;
 mod log;
+mod next_experiment;
 mod run;
 mod top;
 mod workspace;
@@ -33,8 +34,10 @@ enum Command {
     Lab(run::LabArgs),
     /// Fly for long in real time, with random faults, kills and freezes, and report what went wrong.
     Soak(run::SoakArgs),
-    /// Show where the simulation of a plant differs from measured runs.
+    /// Find what the simulation of a plant gets wrong about measured runs: where, why, and what knowing it gains.
     Diagnose(diagnose::DiagnoseArgs),
+    /// Find the maneuver that decides best between causes that a diagnosis could not tell apart.
+    NextExperiment(next_experiment::NextExperimentArgs),
     /// Estimate parameters of the plant from measured runs.
     #[command(subcommand)]
     Calibrate(calibrate::CalibrateCommand),
@@ -68,6 +71,7 @@ fn main() -> miette::Result<()> {
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
         Command::Soak(args) => run::soak(&args),
+        Command::NextExperiment(args) => next_experiment::run(&args),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Calibrate(command) => calibrate::run(&command),
         Command::Workspace(args) => workspace::run(&args),

@@ -46,6 +46,11 @@ impl Difference {
         self.channels.concat()
     }
 
+    /// How far from the middle of the table the base comes along an axis, m.
+    pub fn farthest_m(&self) -> f64 {
+        self.farthest_m
+    }
+
     /// RMS of the channel that shows most, where `samples` are what is left of this difference.
     pub fn dose_of(&self, samples: &[f64]) -> f64 {
         let mut rest = samples;
