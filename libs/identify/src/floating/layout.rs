@@ -20,6 +20,8 @@ pub(super) const FEWEST_POSES: usize = 12;
 const BIN_S: f64 = 0.05;
 /// Between the knots of the room's force, s.
 const KNOT_S: f64 = 1.0;
+/// A joint at rest holds one friction, whatever it is, over as many rows: they say as little together as one.
+const REST_ROWS: f64 = 50.0;
 /// When a drive takes up its command is known to about this, s.
 const JUMP_S: f64 = 0.08;
 /// And how strongly, to this share.
@@ -293,8 +295,9 @@ impl Layout<'_> {
                 let unsure = 1.0 - direction(rate, rate_variance.sqrt()).powi(2);
                 let dry = friction.coulomb_n_m.hypot(REST_FRICTION_N_M);
                 let kt = physics.joints[joint].torque_constant_n_m_a;
-                let current =
-                    (kt * ampere).powi(2) + dry * dry * unsure + friction.viscous_n_m_s_rad.powi(2) * rate_variance;
+                let current = (kt * ampere).powi(2)
+                    + REST_ROWS * dry * dry * unsure
+                    + friction.viscous_n_m_s_rad.powi(2) * rate_variance;
                 let sensed = measured(&joints.torque_nm, joint, k).is_some();
                 let driven = measured(&joints.current_a, joint, k).is_some();
                 self.torque_rows(joint, n, t_s, [sensor * sensor, motion, current], [sensed, driven]);
