@@ -4,6 +4,7 @@
 //! - [`measured`]: the runs of an experiment as plain series.
 //! - [`smoother`]: joint motion between slow telemetry.
 //! - [`workspace`]: reach and manipulability.
+//! - [`straight_path`]: how far the end-effector gets along straight lines.
 //! - [`diagnosis`]: the whole answer.
 //! - [`misfit`]: the plant simulated in windows with a free initial state, and its error over what noise alone would give.
 
@@ -19,6 +20,7 @@ pub mod misfit;
 mod normal;
 mod sensitivity;
 pub mod smoother;
+pub mod straight_path;
 mod tolerance;
 mod trial;
 mod uncertain;

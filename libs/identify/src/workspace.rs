@@ -3,6 +3,9 @@
 use fss_multibody::{Coordinates, Manipulability, Model};
 use std::f64::consts::{PI, TAU};
 
+/// Steps of the distance from joint 1.
+const RINGS: usize = 400;
+
 /// The longest distance of the end-effector from the centre of mass of a floating vehicle, m: the total length of its
 /// virtual manipulator (the paper's equations 11 to 13), with the base's `b_0` from its centre of mass to joint 1.
 /// Joint limits play no part. `None` for a clamped base, whose centre of mass is not free.
@@ -23,15 +26,24 @@ pub fn virtual_manipulator_radius_m(model: &Model) -> Option<f64> {
     Some(radius_m)
 }
 
-/// Area that the end-effector reaches with the base held, joints within plus and minus `limits_rad`, m^2.
+/// Where the end-effector can be at one distance from joint 1, base held.
+#[derive(Clone, Copy, Debug)]
+pub struct Ring {
+    /// Distance from joint 1, m.
+    pub radius_m: f64,
+    /// Least and largest angle about joint 1, base frame, rad; their difference is at most a full turn.
+    pub angles_rad: [f64; 2],
+}
+
+/// What the end-effector reaches with the base held and joints within plus and minus `limits_rad`: rings of equal width,
+/// from the inside out; those it does not reach are missing. Empty for arms of fewer than two links.
 ///
 /// At each distance from joint 1 the directions that joints 2 to n give are one interval (gaps in it are narrower than
 /// joint 1's travel), which joint 1 widens by its travel.
-pub fn fixed_area_m2(model: &Model, limits_rad: &[f64]) -> f64 {
-    const RINGS: usize = 400;
+pub fn reachable_rings(model: &Model, limits_rad: &[f64]) -> Vec<Ring> {
     let links = model.links();
     if links.len() < 2 || limits_rad.len() < links.len() {
-        return 0.0;
+        return Vec::new();
     }
     let reach_m: f64 = links.iter().map(|link| link.length_m).sum();
     let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); RINGS];
@@ -55,9 +67,57 @@ pub fn fixed_area_m2(model: &Model, limits_rad: &[f64]) -> f64 {
             }
         }
     }
+    let zero_rad = model.base().joint1_angle_rad + links[0].joint_offset_rad;
     let seen = ranges.iter().enumerate().filter(|(_, range)| range.0 <= range.1);
-    seen.map(|(ring, range)| (range.1 - range.0 + 2.0 * limits_rad[0]).min(TAU) * radius_m(ring)).sum::<f64>() * reach_m
-        / RINGS as f64
+    seen.map(|(ring, range)| {
+        let (middle, half) = (0.5 * (range.0 + range.1), (0.5 * (range.1 - range.0) + limits_rad[0]).min(PI));
+        Ring { radius_m: radius_m(ring), angles_rad: [zero_rad + middle - half, zero_rad + middle + half] }
+    })
+    .collect()
+}
+
+/// Area of [`reachable_rings`], m^2.
+pub fn fixed_area_m2(model: &Model, limits_rad: &[f64]) -> f64 {
+    let width_m = model.links().iter().map(|link| link.length_m).sum::<f64>() / RINGS as f64;
+    let length_m = |ring: &Ring| (ring.angles_rad[1] - ring.angles_rad[0]) * ring.radius_m;
+    reachable_rings(model, limits_rad).iter().map(length_m).sum::<f64>() * width_m
+}
+
+/// The largest manipulability measure (base held, m^2) of all postures that reach a place, for the rings of
+/// [`reachable_rings`] and `bearings` equal steps of the angle about joint 1 (base frame), from -pi: `[ring][bearing]`,
+/// rings from the inside out, none where no posture of the search came by.
+///
+/// The measure does not depend on joint 1, so a search over the joints beyond it serves all of its travel.
+pub fn best_manipulability_by_place(model: &Model, limits_rad: &[f64], bearings: usize) -> Vec<Vec<Option<f64>>> {
+    const POSTURES: usize = 600_000;
+    let links = model.links();
+    let reach_m: f64 = links.iter().map(|link| link.length_m).sum();
+    let mut seen = vec![vec![None; bearings]; RINGS];
+    let keep = |slot: &mut Option<f64>, value: f64| *slot = Some(slot.map_or(value, |best: f64| best.max(value)));
+    let base = model.base();
+    let origin = nalgebra::Vector2::from(base.joint1_xy_m);
+    let mut q = vec![0.0; links.len()];
+    for index in 1..=POSTURES {
+        for i in 1..links.len() {
+            q[i] = limits_rad[i] * (2.0 * halton(index, i) - 1.0);
+        }
+        let tip = model.end_effector(&coordinates(&q)).xy() - origin;
+        let ring = ((tip.norm() / reach_m * RINGS as f64) as usize).min(RINGS - 1);
+        let bearing = ((tip.y.atan2(tip.x) + PI) / TAU * bearings as f64) as usize % bearings;
+        keep(&mut seen[ring][bearing], manipulability(model, &q, false).measure_m2());
+    }
+    // Joint 1 turns all of it by up to its limit either way.
+    let reach = (limits_rad.first().copied().unwrap_or(0.0) / TAU * bearings as f64) as usize;
+    let turned = |ring: &Vec<Option<f64>>| {
+        let mut best = vec![None; bearings];
+        for (bearing, value) in ring.iter().enumerate().filter_map(|(bearing, value)| value.map(|v| (bearing, v))) {
+            for turn in 0..=2 * reach.min(bearings / 2) {
+                keep(&mut best[(bearing + bearings + turn - reach.min(bearings / 2)) % bearings], value);
+            }
+        }
+        best
+    };
+    seen.iter().map(turned).collect()
 }
 
 /// The tip seen from joint 2 in link 2's frame, on a grid of the joints beyond.
@@ -80,12 +140,18 @@ fn beyond_second_joint(model: &Model, limits_rad: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
-/// Manipulability of a posture with the base held (`floating` false) or floating at zero momentum.
-pub fn manipulability(model: &Model, q_rad: &[f64], floating: bool) -> Manipulability {
+/// The configuration with the base at the origin and these joint angles.
+fn coordinates(q_rad: &[f64]) -> Coordinates {
     let mut q = Coordinates::zeros();
     for (slot, value) in q.iter_mut().skip(3).zip(q_rad) {
         *slot = *value;
     }
+    q
+}
+
+/// Manipulability of a posture with the base held (`floating` false) or floating at zero momentum.
+pub fn manipulability(model: &Model, q_rad: &[f64], floating: bool) -> Manipulability {
+    let q = coordinates(q_rad);
     if floating {
         return Manipulability::of(&model.generalized_jacobian(&q));
     }
