@@ -10,11 +10,13 @@ mod generate;
 mod host;
 mod log;
 mod next_experiment;
+mod replay;
 mod run;
 mod top;
 mod workspace;
 
 use clap::{Parser, Subcommand};
+use std::process::ExitCode;
 
 /// Flight software, simulator and calibration for a floating spacecraft simulator with a modular arm.
 #[derive(Parser)]
@@ -59,9 +61,11 @@ enum Command {
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
+    /// Compute each service again from the inputs that a log holds, and compare bit for bit.
+    Replay(replay::ReplayArgs),
 }
 
-fn main() -> miette::Result<()> {
+fn main() -> miette::Result<ExitCode> {
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
         .with_writer(std::io::stderr)
@@ -81,5 +85,7 @@ fn main() -> miette::Result<()> {
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
-    }
+        Command::Replay(args) => return Ok(replay::run(&args)),
+    }?;
+    Ok(ExitCode::SUCCESS)
 }

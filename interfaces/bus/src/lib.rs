@@ -7,7 +7,8 @@
 //!   shared memory ([`Bus::shared`]);
 //! - **in one process**, as fast as the machine allows ([`virtual_time::Stack`]): the same rates on a virtual clock, with
 //!   ports in local memory ([`Bus::local`]);
-//! - **again**, from a log, with the same local ports.
+//! - **again**, from a log, with the same local ports: each step's record ([`Step`], on `/steps`) names its time and the
+//!   samples that it used.
 //!
 //! Devices stand outside: their threads hand over decoded messages through bounded lock-free queues, which a service
 //! sees as a [`Feed`] (in) or a [`DeviceOutput`] (out).
@@ -28,7 +29,8 @@ pub mod virtual_time;
 
 pub use bus::{Bus, Queue};
 pub use error::BusError;
-pub use port::{Batch, DeviceOutput, Feed, InputPort, InputPorts, Latest, Output, OutputPort, OutputPorts};
+pub use fss_messages::{MAX_PORTS, Step};
+pub use port::{Batch, DeviceOutput, Feed, InputPort, InputPorts, Latest, Output, OutputPort, OutputPorts, Taken};
 pub use runner::{Runner, Service};
 pub use shared::{SharedConfig, remove_dead_nodes};
 pub use time::Time;

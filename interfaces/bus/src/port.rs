@@ -4,7 +4,7 @@ use crate::local::{LocalPublisher, LocalSubscriber};
 use crate::shared::SharedSample;
 use crate::{Bus, BusError, Queue, Time};
 use fss_messages::topic::Topic;
-use fss_messages::{Header, Sample};
+use fss_messages::{Header, Sample, Step};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
@@ -62,6 +62,15 @@ impl<T: Sample> Sink<T> {
     }
 }
 
+/// What a port had for a step, as the step's record names it ([`Step`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Taken {
+    /// Sequence of the sample in hand, 0 for none; of a port that takes several at once, how many came.
+    pub input: u64,
+    /// Whether something came since the step before.
+    pub fresh: bool,
+}
+
 /// An input of a service: a topic or a device.
 pub trait InputPort: Sized {
     /// What names it: a topic, or a device queue's name.
@@ -75,6 +84,8 @@ pub trait InputPort: Sized {
     fn refresh(&mut self);
     /// Age of the newest sample by its stamp, ns; `u64::MAX` where nothing was ever received.
     fn age_ns(&self, now: Time) -> u64;
+    /// What the last [`Self::refresh`] left in hand.
+    fn taken(&self) -> Taken;
 }
 
 /// The newest sample of a topic; it stays until a newer one comes, so look at its age.
@@ -120,6 +131,10 @@ impl<T: Sample> InputPort for Latest<T> {
     fn age_ns(&self, now: Time) -> u64 {
         self.get().map_or(u64::MAX, |sample| now.age_ns(sample.header().stamp_ns))
     }
+
+    fn taken(&self) -> Taken {
+        Taken { input: self.get().map_or(0, |sample| sample.header().sequence), fresh: self.fresh }
+    }
 }
 
 /// All samples of a topic that came since the last step, oldest first.
@@ -160,6 +175,10 @@ impl<T: Sample> InputPort for Batch<T> {
     fn age_ns(&self, now: Time) -> u64 {
         self.newest_ns.map_or(u64::MAX, |stamp| now.age_ns(stamp))
     }
+
+    fn taken(&self) -> Taken {
+        Taken { input: self.samples.len() as u64, fresh: !self.samples.is_empty() }
+    }
 }
 
 /// Messages from a device's thread that came since the last step, oldest first.
@@ -197,6 +216,10 @@ impl<T: Send + 'static> InputPort for Feed<T> {
     fn age_ns(&self, _now: Time) -> u64 {
         0
     }
+
+    fn taken(&self) -> Taken {
+        Taken { input: self.messages.len() as u64, fresh: !self.messages.is_empty() }
+    }
 }
 
 /// An output of a service: a topic or a device.
@@ -231,6 +254,12 @@ impl<T: Sample> Output<T> {
         } else {
             self.dropped += 1;
         }
+    }
+
+    /// Sends a sample as it is, header and all: one that another publisher has published before. Returns whether it was
+    /// sent.
+    pub fn relay(&self, sample: &T) -> bool {
+        self.sink.send(sample)
     }
 
     /// What this step has published so far.
@@ -297,6 +326,8 @@ pub trait InputPorts: Sized {
     fn refresh(&mut self);
     /// The ages of the ports' newest samples, ns.
     fn ages_ns(&self, now: Time, ages: &mut [u64]);
+    /// Writes into a step's record what the last refresh left in hand; false where the service's steps are not recorded.
+    fn record(&self, step: &mut Step) -> bool;
 }
 
 /// All outputs of a service; made by [`outputs!`](crate::outputs).
@@ -335,6 +366,16 @@ macro_rules! inputs {
                 for (slot, age) in ages.iter_mut().zip(all) {
                     *slot = age;
                 }
+            }
+
+            fn record(&self, step: &mut $crate::Step) -> bool {
+                const PORTS: usize = <$name as $crate::InputPorts>::NAMES.len();
+                let all: [$crate::Taken; PORTS] = [$( $crate::InputPort::taken(&self.$field) ),*];
+                for (i, taken) in all.into_iter().enumerate() {
+                    (step.input[i], step.fresh[i]) = (taken.input, u8::from(taken.fresh));
+                }
+                const { assert!(PORTS <= $crate::MAX_PORTS, "a step's record has no room for so many ports") };
+                true
             }
         }
     };

@@ -1,6 +1,7 @@
 //! A service with its ports: what all three ways to run it share.
 
-use crate::{Bus, BusError, InputPorts, OutputPorts, Time};
+use crate::{Bus, BusError, InputPorts, Output, OutputPort, OutputPorts, Time};
+use fss_messages::{Step, text, topic};
 
 /// A pure step: no clock, no socket, no shared memory, no allocation in `step`.
 pub trait Service {
@@ -23,6 +24,8 @@ pub struct Runner<S: Service> {
     pub inputs: S::Inputs,
     /// Its outputs.
     pub outputs: S::Outputs,
+    record: Step,
+    records: Output<Step>,
 }
 
 impl<S: Service> Runner<S> {
@@ -31,17 +34,28 @@ impl<S: Service> Runner<S> {
     /// # Errors
     /// Where the bus refuses one.
     pub fn new(service: S, bus: &Bus) -> Result<Self, BusError> {
-        Ok(Self { service, inputs: S::Inputs::open(bus)?, outputs: S::Outputs::open(bus)? })
+        Ok(Self {
+            service,
+            inputs: S::Inputs::open(bus)?,
+            outputs: S::Outputs::open(bus)?,
+            record: Step { service: text(S::NAME), ..Step::default() },
+            records: Output::open(bus, topic::STEPS)?,
+        })
     }
 
     /// Takes new inputs and steps at `now`; what it published waits for [`Self::flush`].
     pub fn step(&mut self, now: Time) {
         self.inputs.refresh();
         self.service.step(now, &self.inputs, &mut self.outputs);
+        self.record.step += 1;
+        self.record.stamp_ns = now.ns();
+        if self.inputs.record(&mut self.record) {
+            self.records.publish(self.record);
+        }
     }
 
-    /// Sends what was published, at `now`; returns how many samples could not be sent.
+    /// Sends what was published, and then the step's record, at `now`; returns how many samples could not be sent.
     pub fn flush(&mut self, now: Time) -> u64 {
-        self.outputs.flush(now)
+        self.outputs.flush(now) + self.records.flush(now)
     }
 }

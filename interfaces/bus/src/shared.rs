@@ -78,7 +78,8 @@ impl SharedTopics {
         name: &str,
     ) -> Result<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>, BusError> {
         let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
-        let everybody_speaks = [topic::EVENTS.name, topic::HEALTH.name].iter().any(|shared| name.ends_with(shared));
+        let everybody_speaks =
+            [topic::EVENTS.name, topic::HEALTH.name, topic::STEPS.name].iter().any(|shared| name.ends_with(shared));
         let max_publishers = if everybody_speaks { MAX_SPEAKERS } else { MAX_PUBLISHERS };
         let service_name = ServiceName::new(name).map_err(|e| refused(format!("{e:?}")))?;
         self.node

@@ -23,6 +23,8 @@ pub use schema::{Constant, Field, FieldType, Header, Sample, SampleVisitor, Scal
 pub const MAX_LINKS: usize = 8;
 /// The most thrusters that a sample has room for; unused entries are zero.
 pub const MAX_THRUSTERS: usize = 16;
+/// The most input ports of a service whose steps are recorded.
+pub const MAX_PORTS: usize = 8;
 /// The most sines of one joint's excitation.
 pub const MAX_SINES: usize = 3;
 /// ROS 2 package of the message definitions.

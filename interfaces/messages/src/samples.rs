@@ -1,7 +1,7 @@
 //! The samples themselves.
 
 use crate::schema::samples;
-use crate::{MAX_LINKS, MAX_SINES, MAX_THRUSTERS};
+use crate::{MAX_LINKS, MAX_PORTS, MAX_SINES, MAX_THRUSTERS};
 
 samples! {
     /// Pose of a tracked body in the table frame.
@@ -328,8 +328,10 @@ samples! {
         valve_count: u32,
         /// one of the constants
         mode: u8,
+        /// 1 where the driver's last word was that it could set the valves, or it has not said anything yet
+        driver_works: u8,
         /// zero
-        reserved0: [u8; 3],
+        reserved0: [u8; 2],
     }
 
     /// Something that happened.
@@ -392,6 +394,30 @@ samples! {
         memory_locked: u8,
         /// zero
         reserved0: [u8; 2],
+    }
+
+    /// One step of a service at stamp_ns, with what it used; all that it published has this sample's published_ns.
+    Step {
+        /// at each port the sequence of the sample in hand, or how many messages came from a device
+        input: [u64; MAX_PORTS],
+        /// steps since the service was started, counted from 1
+        step: u64,
+        /// the service, UTF-8, filled with zeros
+        service: [u8; 16],
+        /// 1 where something came at this port since the step before
+        fresh: [u8; MAX_PORTS],
+    }
+
+    /// A datagram of telemetry as a link sent it, whatever is in it.
+    LinkDatagram {
+        /// time of receipt, ns, monotonic clock
+        received_ns: u64,
+        /// how many bytes it has
+        len: u32,
+        /// the bytes, filled with zeros
+        bytes: [u8; 64],
+        /// zero
+        reserved0: [u8; 4],
     }
 
     /// What the simulated laboratory knows.

@@ -1,8 +1,8 @@
 //! The topics of a stack: name, what travels on it, who publishes it.
 
 use crate::{
-    ArmCommand, BaseCommand, Event, GyroRate, Health, LinksState, MissionState, MocapPose, NavState, Sample,
-    ThrustersCommand, ThrustersState, TruthState,
+    ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionState, MocapPose, NavState,
+    Sample, Step, ThrustersCommand, ThrustersState, TruthState,
 };
 use core::marker::PhantomData;
 
@@ -54,6 +54,8 @@ topics! {
     NAV_STATE: NavState = "/nav/state",
     /// Telemetry of all links, extrapolated to one time; published by `links`.
     LINKS_STATE: LinksState = "/links/state",
+    /// Telemetry as it was received, datagram by datagram; published by `links`.
+    LINKS_TELEMETRY: LinkDatagram = "/links/telemetry",
     /// Where the mission stands and what it wants of base and arm; published by `mission`.
     MISSION_STATE: MissionState = "/mission/state",
     /// What the arm controller tells the joints; published by `arm`.
@@ -68,6 +70,8 @@ topics! {
     EVENTS: Event = "/events",
     /// Cycles, overruns, latencies and input ages; published by every service.
     HEALTH: Health = "/health",
+    /// Each step of each service with the samples that it used, so that it can be computed again; published by every service.
+    STEPS: Step = "/steps",
     /// What the simulated laboratory knows and no service may read; published by `lab`.
     TRUTH_STATE: TruthState = "/truth/state",
 }

@@ -1,5 +1,6 @@
 //! What travels between the device's thread and the service.
 
+use fss_messages::LinkDatagram;
 use fss_wire::link::DATAGRAM_LEN;
 
 /// Device queue of received telemetry datagrams.
@@ -33,6 +34,21 @@ impl TelemetryDatagram {
     /// What was received.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.len.min(Self::CAPACITY)]
+    }
+}
+
+impl From<&TelemetryDatagram> for LinkDatagram {
+    /// As it is recorded.
+    fn from(datagram: &TelemetryDatagram) -> Self {
+        let (stamp_ns, received_ns) = (datagram.received_ns, datagram.received_ns);
+        Self { stamp_ns, received_ns, len: datagram.len as u32, bytes: datagram.bytes, ..Self::default() }
+    }
+}
+
+impl From<&LinkDatagram> for TelemetryDatagram {
+    /// As it was received.
+    fn from(recorded: &LinkDatagram) -> Self {
+        Self { received_ns: recorded.received_ns, len: recorded.len as usize, bytes: recorded.bytes }
     }
 }
 

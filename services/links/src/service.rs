@@ -5,7 +5,7 @@ use crate::receiver::{Receiver, Verdict};
 use crate::{COMMAND_QUEUE, CommandDatagram, LinksConfig, TELEMETRY_QUEUE, TelemetryDatagram};
 use core::fmt;
 use fss_bus::{DeviceOutput, Feed, Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{ArmCommand, Event, LinksState, MAX_LINKS, topic};
+use fss_messages::{ArmCommand, Event, LinkDatagram, LinksState, MAX_LINKS, topic};
 use fss_wire::link::{Command, Key, Mode, Telemetry};
 
 /// A service that has just started and hears no arm controller says nothing to the links for this long, ns: if it is a
@@ -27,6 +27,8 @@ outputs! {
     pub struct Outputs {
         /// Datagrams to the links.
         commands: DeviceOutput<CommandDatagram> = COMMAND_QUEUE,
+        /// What was received, datagram by datagram, so that a log holds all that the service consumed.
+        telemetry: Output<LinkDatagram> = topic::LINKS_TELEMETRY,
         /// State of all joints.
         links: Output<LinksState> = topic::LINKS_STATE,
         /// What happened.
@@ -247,6 +249,9 @@ impl Service for LinksService {
     const NAME: &'static str = "links";
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        for datagram in inputs.telemetry.messages() {
+            outputs.telemetry.publish(datagram.into());
+        }
         self.receive(now, inputs.telemetry.messages(), &mut outputs.events);
         let state = self.state(now, &mut outputs.events);
         outputs.links.publish(state);

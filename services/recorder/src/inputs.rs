@@ -3,8 +3,8 @@
 use crate::block::Block;
 use crate::tape::Definition;
 use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Time};
-use fss_messages::Sample;
 use fss_messages::topic::{self, Topic, TopicVisitor};
+use fss_messages::{Sample, Step};
 use fss_records::log::LogWriter;
 
 /// Length of a service's name in samples that several services publish.
@@ -132,6 +132,11 @@ impl InputPorts for AllTopics {
         for (slot, topic) in ages.iter_mut().zip(&self.topics) {
             *slot = topic.age_ns(now);
         }
+    }
+
+    /// The log itself is what this service took.
+    fn record(&self, _step: &mut Step) -> bool {
+        false
     }
 }
 

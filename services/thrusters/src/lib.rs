@@ -120,6 +120,7 @@ impl Service for Thrusters {
         self.state.mode = mode;
         self.state.stamp_ns = now.ns();
         self.state.command_age_ns = age_ns;
+        self.state.driver_works = u8::from(self.driver_works);
         outputs.state.publish(self.state);
         outputs.valves.send(mask(&self.state.valves));
     }

@@ -129,8 +129,11 @@ impl<'a> Supervisor<'a> {
     }
 
     fn fly(&mut self, stop: &AtomicBool, progress: &mut impl FnMut(&MissionState)) -> Result<()> {
-        for member in &mut self.members {
-            member.start(self.site)?;
+        for i in 0..self.members.len() {
+            self.members[i].start(self.site)?;
+            if self.members[i].schedule.name.get_ref() == "recorder" {
+                self.wait_for(i);
+            }
         }
         loop {
             if stop.load(Ordering::Relaxed) {
@@ -148,6 +151,19 @@ impl<'a> Supervisor<'a> {
                 }
             }
             std::thread::sleep(WATCH_PERIOD);
+        }
+    }
+
+    /// Waits for a member's first sign of life: a log from which services are replayed holds their first steps, so the
+    /// recorder listens before anybody speaks.
+    fn wait_for(&mut self, i: usize) {
+        let waits = |member: &mut Member| {
+            let lives = member.child.as_mut().is_some_and(|child| matches!(child.try_wait(), Ok(None)));
+            lives && member.heard.is_none() && member.started.elapsed() < BIRTH_TIME
+        };
+        while waits(&mut self.members[i]) {
+            std::thread::sleep(Duration::from_millis(2));
+            self.listen();
         }
     }
 

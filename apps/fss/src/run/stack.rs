@@ -5,8 +5,9 @@ use fss_bus::launch::Launch;
 use fss_lab::{Faults, LabConfig};
 use fss_mission::Mission;
 use fss_plant::Plant;
+use fss_records::log::Log;
 use fss_wire::link::Key;
-use miette::{IntoDiagnostic, Result, WrapErr};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::path::{Path, PathBuf};
 
 /// The services that a launch file may name.
@@ -87,6 +88,19 @@ impl Stack {
         let stack = if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?)? } else { stack };
         let laboratory = folder.join(LABORATORY_FILE);
         if laboratory.exists() { stack.in_laboratory(&laboratory) } else { Ok(stack) }
+    }
+
+    /// Reads the files that a log holds.
+    ///
+    /// # Errors
+    /// Where one is missing or makes no sense.
+    pub fn of_log(log: &Log) -> Result<Self> {
+        let read = |name: &str| -> Result<TextFile> {
+            let text = log.attachment(name).into_diagnostic()?;
+            let text = text.ok_or_else(|| miette!("{} holds no {name}", log.path().display()))?;
+            Ok(TextFile { path: log.path().join(name), text })
+        };
+        Self::parse(&read(LAUNCH_FILE)?, &read(PLANT_FILE)?, &read(MISSION_FILE)?, String::new())
     }
 
     /// The same with what a fault file says.

@@ -1,0 +1,288 @@
+//! Plays a service's recorded inputs to its core and compares what comes out.
+
+use super::tape::{Recorded, Tape};
+use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Output, OutputPort, Runner, Service, Time};
+use fss_messages::{Field, Sample, Scalar, Step, text_of};
+use serde::Serialize;
+use std::fmt;
+
+/// Differences that are kept of each service; the rest is counted.
+const KEPT: usize = 100;
+
+/// One place in which a recomputed sample is not the recorded one.
+#[derive(Serialize)]
+pub struct Difference {
+    /// How often the service had been started.
+    pub start: usize,
+    /// The step since that start.
+    pub step: u64,
+    /// Time of the step since the log's first, s.
+    pub time_s: f64,
+    /// The topic.
+    pub topic: &'static str,
+    /// The field, with its index where it is one of several; none where the sample itself is missing or too many.
+    pub field: Option<String>,
+    /// What the log holds.
+    pub recorded: String,
+    /// What came out.
+    pub recomputed: String,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let field = self.field.as_deref().map_or_else(String::new, |field| format!(" {field}"));
+        write!(f, "{}{field}: recorded {}, recomputed {}", self.topic, self.recorded, self.recomputed)
+    }
+}
+
+/// What became of a service.
+#[derive(Serialize)]
+pub struct Verdict {
+    /// Its name.
+    pub service: &'static str,
+    /// How often it was started.
+    pub starts: usize,
+    /// Steps computed again.
+    pub steps: u64,
+    /// Samples compared.
+    pub samples: u64,
+    /// Fields that differ.
+    pub difference_count: u64,
+    /// The first of them.
+    pub differences: Vec<Difference>,
+    /// What could not be replayed, and why.
+    pub gaps: Vec<String>,
+}
+
+/// A port that gets what a step's record names.
+pub trait Feeder {
+    /// Gives a sample that was in hand before the step, though no step had seen it come; true where there was one.
+    fn give_held(&mut self, _step: &Step, _port: usize) -> Result<bool, String> {
+        Ok(false)
+    }
+    /// Gives what came for the step.
+    fn give(&mut self, step: &Step, port: usize) -> Result<(), String>;
+}
+
+/// A topic.
+pub struct FromTopic<'a, T: Sample> {
+    recorded: &'a Recorded<T>,
+    port: Output<T>,
+    held: u64,
+}
+
+impl<'a, T: Sample> FromTopic<'a, T> {
+    /// Of what was recorded of it.
+    pub fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
+        Ok(Box::new(Self { recorded, port: Output::open(bus, recorded.topic)?, held: 0 }))
+    }
+
+    fn relay(&mut self, step: &Step, port: usize) -> Result<(), String> {
+        let sequence = step.input[port];
+        let sample = self.recorded.of_sequence(sequence, step.published_ns).ok_or_else(|| {
+            format!("{} has no sample {sequence} in the log, which step {} used", self.recorded.topic.name, step.step)
+        })?;
+        self.port.relay(sample);
+        self.held = sequence;
+        Ok(())
+    }
+}
+
+impl<T: Sample> Feeder for FromTopic<'_, T> {
+    fn give_held(&mut self, step: &Step, port: usize) -> Result<bool, String> {
+        let unseen = step.fresh[port] == 0 && step.input[port] != self.held;
+        if unseen {
+            self.relay(step, port)?;
+        }
+        Ok(unseen)
+    }
+
+    fn give(&mut self, step: &Step, port: usize) -> Result<(), String> {
+        if step.fresh[port] == 0 { Ok(()) } else { self.relay(step, port) }
+    }
+}
+
+/// A device: gives what it had for the step, and says how many messages that were.
+pub struct FromDevice<F> {
+    /// What the messages are called.
+    pub name: &'static str,
+    /// Whether every message leaves a trace in the log.
+    pub complete: bool,
+    /// Gives the messages.
+    pub give: F,
+}
+
+impl<F: FnMut(&Step) -> u64> Feeder for FromDevice<F> {
+    fn give(&mut self, step: &Step, port: usize) -> Result<(), String> {
+        let (given, had) = ((self.give)(step), step.input[port]);
+        if given > had || (self.complete && given < had) {
+            return Err(format!("the log holds {given} of the {had} {} that step {} used", self.name, step.step));
+        }
+        Ok(())
+    }
+}
+
+/// A topic that the service writes.
+pub trait Checker {
+    /// Compares what the step published; returns how many samples.
+    fn check(&mut self, step: &Step, found: &mut dyn FnMut(&'static str, Option<String>, String, String)) -> u64;
+}
+
+/// What was recorded of an output, and what comes out now.
+pub struct ToTopic<'a, T: Sample> {
+    recorded: &'a Recorded<T>,
+    recomputed: Batch<T>,
+}
+
+impl<'a, T: Sample> ToTopic<'a, T> {
+    /// Of what was recorded of it.
+    pub fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
+        Ok(Box::new(Self { recorded, recomputed: Batch::open(bus, recorded.topic)? }))
+    }
+}
+
+impl<T: Sample> Checker for ToTopic<'_, T> {
+    fn check(&mut self, step: &Step, found: &mut dyn FnMut(&'static str, Option<String>, String, String)) -> u64 {
+        self.recomputed.refresh();
+        let topic = self.recorded.topic.name;
+        // On a topic of many, only what this service said.
+        let speaker = T::FIELDS.iter().find(|field| field.name == "service");
+        let own = |sample: &&T| {
+            speaker
+                .is_none_or(|field| sample.as_bytes().get(field.offset..field.offset + 16) == Some(&step.service[..]))
+        };
+        let recorded: Vec<&T> = self.recorded.at(step.published_ns).iter().filter(own).collect();
+        let recomputed = self.recomputed.samples();
+        for (was, is) in recorded.iter().zip(recomputed) {
+            if was.as_bytes() != is.as_bytes() {
+                each_difference(T::FIELDS, was.as_bytes(), is.as_bytes(), |field, was, is| {
+                    found(topic, Some(field), was, is);
+                });
+            }
+        }
+        if recorded.len() != recomputed.len() {
+            let samples = |n: usize| format!("{n} samples");
+            found(topic, None, samples(recorded.len()), samples(recomputed.len()));
+        }
+        recorded.len().min(recomputed.len()) as u64
+    }
+}
+
+/// Calls `found` with each value of two samples' bytes that differs.
+fn each_difference(fields: &[Field], was: &[u8], is: &[u8], mut found: impl FnMut(String, String, String)) {
+    for field in fields {
+        let (size, count) = (field.scalar.size(), field.count.unwrap_or(1));
+        let range = field.offset..field.offset + size * count;
+        // A text is one value.
+        if matches!(field.name, "service" | "text") && was[range.clone()] != is[range.clone()] {
+            let words = |bytes: &[u8]| format!("\"{}\"", text_of(&bytes[range.clone()]));
+            found(field.name.to_owned(), words(was), words(is));
+            continue;
+        }
+        for i in 0..count {
+            let at = field.offset + i * size..field.offset + (i + 1) * size;
+            if was[at.clone()] != is[at.clone()] {
+                let name = field.count.map_or_else(|| field.name.to_owned(), |_| format!("{}.{i}", field.name));
+                found(name, value(field.scalar, &was[at.clone()]), value(field.scalar, &is[at]));
+            }
+        }
+    }
+}
+
+/// A value as it is written in tables: a floating-point number with as many digits as give back the same bits.
+fn value(scalar: Scalar, bytes: &[u8]) -> String {
+    let mut word = [0; 8];
+    word[..bytes.len()].copy_from_slice(bytes);
+    let word = u64::from_le_bytes(word);
+    match scalar {
+        Scalar::F64 => format!("{:?}", f64::from_bits(word)),
+        Scalar::I64 => (word as i64).to_string(),
+        _ => word.to_string(),
+    }
+}
+
+/// A service on a bus of its own, with all that it reads and writes.
+pub struct Player<'a, S: Service> {
+    /// The core with its ports.
+    pub runner: Runner<S>,
+    /// One for each input port, in their order.
+    pub inputs: Vec<Box<dyn Feeder + 'a>>,
+    /// One for each topic that it writes.
+    pub outputs: Vec<Box<dyn Checker + 'a>>,
+}
+
+impl<S: Service> Player<'_, S> {
+    /// One step as its record has it.
+    fn step(&mut self, step: &Step) -> Result<(), String> {
+        let mut held = false;
+        for (port, input) in self.inputs.iter_mut().enumerate() {
+            held |= input.give_held(step, port)?;
+        }
+        if held {
+            self.runner.inputs.refresh();
+        }
+        for (port, input) in self.inputs.iter_mut().enumerate() {
+            input.give(step, port)?;
+        }
+        self.runner.step(Time::from_ns(step.stamp_ns));
+        self.runner.flush(Time::from_ns(step.published_ns));
+        Ok(())
+    }
+}
+
+/// Replays all lives of a service; `open` makes a player for one of them.
+///
+/// # Errors
+/// Where a player cannot be made.
+pub fn replay<'a, S: Service, E>(
+    tape: &'a Tape,
+    open: impl Fn(&[Step]) -> Result<Player<'a, S>, E>,
+) -> Result<Verdict, E> {
+    let lives = tape.lives(S::NAME);
+    let mut verdict = Verdict {
+        service: S::NAME,
+        starts: lives.iter().filter(|life| life[0].step == 1).count(),
+        steps: 0,
+        samples: 0,
+        difference_count: 0,
+        differences: Vec::new(),
+        gaps: Vec::new(),
+    };
+    let begin_ns = tape.steps.iter().map(|step| step.stamp_ns).min().unwrap_or(0);
+    let mut start = 0;
+    for life in &lives {
+        let (first, last) = (life[0].step, life[life.len() - 1].step);
+        if first != 1 {
+            verdict.gaps.push(format!("steps {first} to {last}: the log lacks the steps before them"));
+            continue;
+        }
+        start += 1;
+        let mut player = open(life)?;
+        for step in life {
+            if let Err(lack) = player.step(step) {
+                verdict.gaps.push(format!("steps {} to {last}: {lack}", step.step));
+                break;
+            }
+            verdict.steps += 1;
+            let Verdict { samples, difference_count, differences, .. } = &mut verdict;
+            for output in &mut player.outputs {
+                *samples += output.check(step, &mut |topic, field, recorded, recomputed| {
+                    *difference_count += 1;
+                    if differences.len() < KEPT {
+                        let time_s = step.stamp_ns.saturating_sub(begin_ns) as f64 * 1e-9;
+                        differences.push(Difference {
+                            start,
+                            step: step.step,
+                            time_s,
+                            topic,
+                            field,
+                            recorded,
+                            recomputed,
+                        });
+                    }
+                });
+            }
+        }
+    }
+    Ok(verdict)
+}
