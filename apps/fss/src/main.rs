@@ -4,6 +4,7 @@
 mod bench;
 mod calibrate;
 mod challenge;
+mod compare;
 mod diagnose;
 mod files;
 mod generate;
@@ -61,6 +62,8 @@ enum Command {
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
+    /// Tell where two logs differ, and by how much.
+    Compare(compare::CompareArgs),
     /// Compute each service again from the inputs that a log holds, and compare bit for bit.
     Replay(replay::ReplayArgs),
 }
@@ -85,6 +88,7 @@ fn main() -> miette::Result<ExitCode> {
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
+        Command::Compare(args) => return Ok(compare::run(&args)),
         Command::Replay(args) => return Ok(replay::run(&args)),
     }?;
     Ok(ExitCode::SUCCESS)

@@ -78,9 +78,7 @@ impl SharedTopics {
         name: &str,
     ) -> Result<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>, BusError> {
         let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
-        let everybody_speaks =
-            [topic::EVENTS.name, topic::HEALTH.name, topic::STEPS.name].iter().any(|shared| name.ends_with(shared));
-        let max_publishers = if everybody_speaks { MAX_SPEAKERS } else { MAX_PUBLISHERS };
+        let max_publishers = if topic::is_shared(name) { MAX_SPEAKERS } else { MAX_PUBLISHERS };
         let service_name = ServiceName::new(name).map_err(|e| refused(format!("{e:?}")))?;
         self.node
             .service_builder(&service_name)

@@ -398,12 +398,12 @@ samples! {
 
     /// One step of a service at stamp_ns, with what it used; all that it published has this sample's published_ns.
     Step {
+        /// the service, UTF-8, filled with zeros
+        service: [u8; 16],
         /// at each port the sequence of the sample in hand, or how many messages came from a device
         input: [u64; MAX_PORTS],
         /// steps since the service was started, counted from 1
         step: u64,
-        /// the service, UTF-8, filled with zeros
-        service: [u8; 16],
         /// 1 where something came at this port since the step before
         fresh: [u8; MAX_PORTS],
     }

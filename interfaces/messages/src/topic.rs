@@ -21,6 +21,14 @@ impl<T: Sample> Topic<T> {
     }
 }
 
+/// Topics on which every service speaks; their samples name the service behind the header.
+const SHARED: [&str; 3] = [EVENTS.name, HEALTH.name, STEPS.name];
+
+/// Whether every service speaks on the topic of this name, with or without a vehicle's in front.
+pub fn is_shared(name: &str) -> bool {
+    SHARED.iter().any(|shared| name.ends_with(shared))
+}
+
 macro_rules! topics {
     ($( #[doc = $doc:literal] $constant:ident: $sample:ident = $name:literal, )*) => {
         $( #[doc = $doc] pub const $constant: Topic<$sample> = Topic::new($name); )*

@@ -10,7 +10,7 @@ use super::witness::{Testimony, Witness};
 use super::{FAULT_EVERY_S, make_link_key, stop_on_signal};
 use clap::Args;
 use fss_lab::Faults;
-use fss_messages::{Header, text_of};
+use fss_messages::{Header, text_of, topic};
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rand::{RngExt, SeedableRng};
@@ -349,9 +349,8 @@ fn read_logs(folder: &Path, vehicle: &str, soak: &mut Soak, sums: &mut Sums) -> 
     for (_, log) in &logs {
         log.for_each(|channel, _, body| {
             let Some(header) = header_of(body) else { return };
-            let is_shared = channel.topic.ends_with("/events") || channel.topic.ends_with("/health");
-            // Both name their publisher behind the header.
-            let publisher = if is_shared { body.get(24..40).map_or("", text_of) } else { "" };
+            // A topic on which all speak names its publisher behind the header.
+            let publisher = if topic::is_shared(&channel.topic) { body.get(24..40).map_or("", text_of) } else { "" };
             let key = (channel.topic.clone(), publisher.to_owned());
             let before = last.insert(key, header.sequence).unwrap_or(header.sequence);
             // A smaller sequence is a restarted publisher.
