@@ -131,6 +131,49 @@ fn a_log_without_a_sample_that_a_step_used_says_so_and_claims_nothing() {
     assert!(links["gaps"][0].as_str().unwrap().contains("/arm/command"), "{links:#}");
 }
 
+/// Writes the first `half` of a log's time, or the rest.
+struct Part<'a>(&'a Log, LogWriter, u64, bool);
+
+impl TopicVisitor for Part<'_> {
+    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
+        let channel = self.1.add_topic::<T>(topic.name).unwrap();
+        for sample in self.0.samples::<T>(topic.name).unwrap() {
+            if (sample.header().published_ns < self.2) == self.3 {
+                self.1.write(channel, &sample).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn the_parts_of_a_flight_replay_together_and_the_second_alone_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    fss(&["run", "slew", "--fast", "--quiet", "--out", out]);
+    let log = Log::open(&folder.path().join("run.mcap")).unwrap();
+    let parts = [true, false].map(|first| {
+        let path = folder.path().join(format!("first-{first}.mcap"));
+        let mut out = LogWriter::create(&path).unwrap();
+        for name in ["launch.toml", "plant.toml", "mission.toml"] {
+            out.attach(name, "application/toml", &log.attachment(name).unwrap().unwrap()).unwrap();
+        }
+        let mut part = Part(&log, out, 10_000_000_000, first);
+        topic::visit(&mut part);
+        part.1.finish().unwrap();
+        path
+    });
+    fss(&["replay", parts[0].to_str().unwrap(), parts[1].to_str().unwrap()]);
+    assert_eq!(replay(&parts[0]).0, 0);
+    let (code, answer) = replay(&parts[1]);
+    assert_eq!(code, 2);
+    for name in SERVICES {
+        assert!(
+            of_service(&answer, name)["gaps"][0].as_str().unwrap().contains("lacks the steps before"),
+            "{answer:#}"
+        );
+    }
+}
+
 /// The process of a service of the flight in this folder.
 fn process_of(service: &str, folder: &Path) -> Option<u32> {
     let (folder, word) = (folder.display().to_string(), format!(" service {service} "));

@@ -27,8 +27,9 @@ const SHOWN: usize = 5;
 /// Compute each service again from its recorded inputs.
 #[derive(Args)]
 pub struct ReplayArgs {
-    /// The log, an MCAP file.
-    log: PathBuf,
+    /// The log, an MCAP file; where the recorder began a new one in flight (`rotate_mb`), all parts.
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -54,14 +55,14 @@ pub fn run(args: &ReplayArgs) -> ExitCode {
 }
 
 fn replay(args: &ReplayArgs) -> Result<ExitCode> {
-    let log = Log::open(&args.log).into_diagnostic()?;
-    let stack = Stack::of_log(&log)?;
-    let tape = Tape::read(&log, &stack.launch.vehicle).into_diagnostic()?;
+    let logs = args.logs.iter().map(|path| Log::open(path)).collect::<Result<Vec<_>, _>>().into_diagnostic()?;
+    let stack = Stack::of_log(&logs[0])?;
+    let tape = Tape::read(&logs, &stack.launch.vehicle).into_diagnostic()?;
     if tape.steps.is_empty() {
         return Err(miette!(
             help = "fly again with this version: it records each step on /steps",
             "{} says nothing of the services' steps, so they cannot be computed again",
-            args.log.display()
+            logs[0].path().display()
         ));
     }
     let services = services::replay_all(&stack, &tape)?;

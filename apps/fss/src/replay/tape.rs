@@ -49,15 +49,17 @@ macro_rules! tape {
         }
 
         impl Tape {
-            /// Reads a log of this vehicle in one pass.
+            /// Reads the parts of a flight of this vehicle, each in one pass.
             ///
             /// # Errors
             /// Where the log cannot be read, or another build recorded it.
-            pub fn read(log: &Log, vehicle: &str) -> Result<Self, LogError> {
+            pub fn read(logs: &[Log], vehicle: &str) -> Result<Self, LogError> {
                 let full = |name: &str| if vehicle.is_empty() { name.to_owned() } else { format!("/{vehicle}{name}") };
                 $( let mut $field = Samples::<$sample>::of(&full(topic::$topic.name)); )*
                 let mut steps = Samples::<Step>::of(&full(topic::STEPS.name));
-                log.collect(&mut [$( &mut $field, )* &mut steps])?;
+                for log in logs {
+                    log.collect(&mut [$( &mut $field, )* &mut steps])?;
+                }
                 Ok(Self { $( $field: Recorded::new(topic::$topic, $field.samples), )* steps: steps.samples })
             }
         }
