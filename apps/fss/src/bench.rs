@@ -4,6 +4,7 @@ mod distribution;
 mod ipc;
 mod jitter;
 mod recorder;
+mod stack;
 
 use clap::{Args, Subcommand};
 use fss_multibody::{Coordinates, Model, Sensitivity, State, integrate, step_with_derivatives};
@@ -27,6 +28,8 @@ pub enum BenchCommand {
     Jitter(JitterArgs),
     /// What recording costs a byte, against the bare MCAP writer, in turns.
     Recorder(RecorderArgs),
+    /// What the whole stack costs at its launch rates, and how old a measurement is when its valve command leaves.
+    Stack(StackArgs),
 }
 
 /// How to tell.
@@ -51,6 +54,20 @@ pub struct JitterArgs {
     core: usize,
     /// Time for each of the two loops, s.
     #[arg(long, default_value_t = 10.0)]
+    seconds: f64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How to fly.
+#[derive(Args)]
+pub struct StackArgs {
+    /// Launch file; the laboratory's where absent.
+    #[arg(long, value_name = "FILE")]
+    launch: Option<PathBuf>,
+    /// How long to measure, s.
+    #[arg(long, default_value_t = 30.0)]
     seconds: f64,
     /// Print JSON.
     #[arg(long)]
@@ -103,6 +120,10 @@ pub fn run(command: &BenchCommand) -> Result<()> {
         }
         BenchCommand::Recorder(args) => {
             let times = recorder::measure(&args.folder.clone().unwrap_or_else(std::env::temp_dir))?;
+            tell(args.json, &times, || times.print())
+        }
+        BenchCommand::Stack(args) => {
+            let times = stack::measure(args.launch.as_deref(), args.seconds)?;
             tell(args.json, &times, || times.print())
         }
     }

@@ -32,5 +32,5 @@ pub use error::BusError;
 pub use fss_messages::{MAX_PORTS, Step};
 pub use port::{Batch, DeviceOutput, Feed, InputPort, InputPorts, Latest, Output, OutputPort, OutputPorts, Taken};
 pub use runner::{Runner, Service};
-pub use shared::{SharedConfig, remove_dead_nodes};
+pub use shared::{SharedConfig, remove_dead_nodes, remove_stale_stacks};
 pub use time::Time;

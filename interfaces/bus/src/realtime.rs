@@ -80,8 +80,12 @@ pub fn pin_to_core(core: usize) -> io::Result<()> {
     if code == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
+/// Puts the calling thread under `SCHED_FIFO`.
+///
+/// # Errors
+/// Where the system refuses it.
 #[allow(unsafe_code)]
-fn set_fifo_priority(priority: u8) -> io::Result<()> {
+pub fn set_fifo_priority(priority: u8) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: i32::from(priority) };
     // SAFETY: `parameters` is valid and only read; 0 names the calling thread.
     let code = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) };

@@ -9,8 +9,11 @@ use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
-use std::fs::{DirEntry, Permissions};
-use std::os::unix::fs::PermissionsExt;
+use std::collections::BTreeSet;
+use std::fs::Permissions;
+use std::io::ErrorKind;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
 
 /// A sample borrowed from shared memory.
 pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
@@ -24,6 +27,13 @@ const MAX_PUBLISHERS: usize = 4;
 const MAX_SUBSCRIBERS: usize = 10;
 /// The deepest buffer that a subscriber may ask for (the recorder's).
 pub(crate) const MAX_BUFFER: usize = 256;
+
+/// Where Linux keeps shared memory.
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Where iceoryx2 keeps its lists of nodes and services, in folders.
+const MANAGEMENT: &str = "/tmp/iceoryx2";
+/// There, each node has a folder.
+const NODES: &str = "/tmp/iceoryx2/nodes";
 
 /// How a process joins a stack's shared memory.
 #[derive(Clone, Debug)]
@@ -106,9 +116,8 @@ fn iox_config(prefix: &str) -> Result<Config, String> {
 /// # Errors
 /// Where the list of nodes cannot be read.
 pub fn remove_dead_nodes(prefix: &str, stack_has_ended: bool) -> Result<usize, BusError> {
-    let refused = |reason: String| BusError::Node { node: "cleanup".to_owned(), reason };
     set_log_level(LogLevel::Fatal);
-    let config = iox_config(prefix).map_err(refused)?;
+    let config = iox_config(prefix).map_err(|e| cannot_clean(&e))?;
     let mut removed = 0;
     Node::<ipc::Service>::list(&config, |state| {
         if let NodeState::Dead(view) = state
@@ -118,33 +127,106 @@ pub fn remove_dead_nodes(prefix: &str, stack_has_ended: bool) -> Result<usize, B
         }
         CallbackProgression::Continue
     })
-    .map_err(|e| refused(format!("{e:?}")))?;
+    .map_err(|e| cannot_clean(&format!("{e:?}")))?;
     if stack_has_ended {
-        remove_files(prefix).map_err(|e| refused(e.to_string()))?;
+        remove_files(prefix).map_err(|e| cannot_clean(&e))?;
     }
     Ok(removed)
 }
 
 /// Takes from others what iceoryx2 lets them read and write: its own management of a prefix.
 fn keep_to_owner(prefix: &str) -> std::io::Result<()> {
-    for_each_file(prefix, |file| {
-        let is_open = file.metadata().is_ok_and(|meta| meta.permissions().mode() & 0o077 != 0);
-        if is_open { std::fs::set_permissions(file.path(), Permissions::from_mode(0o600)) } else { Ok(()) }
+    for_each_file(prefix, |path| {
+        let is_open = path.metadata().is_ok_and(|meta| meta.permissions().mode() & 0o077 != 0);
+        if is_open { std::fs::set_permissions(path, Permissions::from_mode(0o600)) } else { Ok(()) }
     })
 }
 
-/// Removes the files of a prefix from where Linux keeps shared memory.
+/// Removes what stacks of this user left that nobody tidied up after: their prefix names a process that is gone
+/// (`fssWORD_PROCESS_`), and none of theirs lives. Says of how many stacks.
+///
+/// # Errors
+/// Where the list of nodes cannot be read, or a file cannot be removed.
+pub fn remove_stale_stacks() -> Result<usize, BusError> {
+    let own = std::fs::metadata("/proc/self").map(|meta| meta.uid()).ok();
+    let mut prefixes = BTreeSet::new();
+    for_each_file("fss", |path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if let Some((prefix, process)) = prefix_of(&name)
+            && !Path::new("/proc").join(process).exists()
+            && own == path.metadata().map(|meta| meta.uid()).ok()
+        {
+            prefixes.insert(prefix.to_owned());
+        }
+        Ok(())
+    })
+    .map_err(|e| cannot_clean(&e))?;
+    let mut removed = 0;
+    for prefix in prefixes {
+        remove_dead_nodes(&prefix, false)?;
+        if !has_living_node(&prefix)? {
+            remove_files(&prefix).map_err(|e| cannot_clean(&e))?;
+            removed += 1;
+        }
+    }
+    Ok(removed)
+}
+
+/// The stack's prefix at the head of a file's name, and the number of the process in it.
+fn prefix_of(name: &str) -> Option<(&str, &str)> {
+    let (word, rest) = name.split_once('_')?;
+    let (process, _) = rest.split_once('_')?;
+    let is_number = !process.is_empty() && process.bytes().all(|b| b.is_ascii_digit());
+    is_number.then(|| (&name[..word.len() + process.len() + 2], process))
+}
+
+fn has_living_node(prefix: &str) -> Result<bool, BusError> {
+    let mut any = false;
+    let config = iox_config(prefix).map_err(|e| cannot_clean(&e))?;
+    Node::<ipc::Service>::list(&config, |state| {
+        any |= matches!(state, NodeState::Alive(_));
+        CallbackProgression::Continue
+    })
+    .map_err(|e| cannot_clean(&format!("{e:?}")))?;
+    Ok(any)
+}
+
+fn cannot_clean(reason: &impl ToString) -> BusError {
+    BusError::Node { node: "cleanup".to_owned(), reason: reason.to_string() }
+}
+
+/// Removes the files of a prefix, and the folders of its nodes with them. Of a process that was killed while it joined or
+/// tidied up after another, iceoryx2 itself cannot remove all.
 fn remove_files(prefix: &str) -> std::io::Result<()> {
-    for_each_file(prefix, |file| std::fs::remove_file(file.path()))
+    for_each_file(prefix, |path| {
+        std::fs::remove_file(path)?;
+        let folder = path.parent().filter(|folder| folder.parent() == Some(Path::new(NODES)));
+        // Fails until its last file is gone.
+        folder.map_or(Ok(()), |folder| std::fs::remove_dir(folder).or(Ok(())))
+    })
 }
 
 /// Does something to each file of a prefix; one that is gone by then is done with.
-fn for_each_file(prefix: &str, work: impl Fn(&DirEntry) -> std::io::Result<()>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir("/dev/shm")? {
-        let entry = entry?;
-        if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
-            match work(&entry) {
-                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(e),
+fn for_each_file(prefix: &str, mut work: impl FnMut(&Path) -> std::io::Result<()>) -> std::io::Result<()> {
+    let mut folders = vec![PathBuf::from(SHARED_MEMORY), PathBuf::from(MANAGEMENT)];
+    while let Some(folder) = folders.pop() {
+        let entries = match std::fs::read_dir(&folder) {
+            Err(e) if e.kind() == ErrorKind::NotFound => continue,
+            entries => entries?,
+        };
+        for entry in entries {
+            let entry = entry?;
+            let outcome = match entry.file_type() {
+                Ok(kind) if kind.is_dir() && folder != Path::new(SHARED_MEMORY) => {
+                    folders.push(entry.path());
+                    Ok(())
+                }
+                Ok(_) if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) => work(&entry.path()),
+                Ok(_) => Ok(()),
+                Err(e) => Err(e),
+            };
+            match outcome {
+                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
                 _ => {}
             }
         }

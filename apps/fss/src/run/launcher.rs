@@ -1,6 +1,7 @@
 //! The launcher: starts the services of a launch file as processes, watches them, restarts what dies, stops them in order.
 
 use super::limits::LimitWatch;
+use super::notify::{self, Systemd};
 use super::stack::Stack;
 use fss_bus::launch::Schedule;
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
@@ -23,9 +24,7 @@ const START_TIME: Duration = Duration::from_millis(1500);
 const FIRST_PAUSE: Duration = Duration::from_millis(10);
 /// Longest pause before a restart.
 const LONGEST_PAUSE: Duration = Duration::from_millis(500);
-/// A service that lived so long was well: its next pause is the first again.
-const WELL: Duration = Duration::from_secs(2);
-/// One that ends within this time of its start does not work.
+/// A start that ends within this time did not work; one that lived longer did, and its next pause is the first again.
 const STILLBORN: Duration = Duration::from_millis(500);
 /// So many starts in a row that did not work, of a service that the flight needs, end it in safe mode.
 const STILLBORN_LIMIT: u32 = 8;
@@ -87,9 +86,11 @@ struct Member {
 /// # Errors
 /// Where a service cannot start; whatever happens, no process and no shared memory is left behind.
 pub fn fly(stack: &Stack, site: &Site, stop: &AtomicBool, mut progress: impl FnMut(&MissionState)) -> Result<Flown> {
+    fss_bus::remove_stale_stacks().into_diagnostic()?;
     let mut supervisor = Supervisor::join(stack, site)?;
     let flight = supervisor.fly(stop, &mut progress);
     supervisor.stop_all();
+    supervisor.systemd.ends();
     let mut flown = std::mem::take(&mut supervisor.flown);
     drop(supervisor);
     let cleaned = fss_bus::remove_dead_nodes(&site.bus_prefix, true).into_diagnostic();
@@ -106,6 +107,7 @@ struct Supervisor<'a> {
     events: Output<Event>,
     links: Latest<LinksState>,
     limits: LimitWatch,
+    systemd: Systemd,
     watched: Instant,
     flown: Flown,
 }
@@ -123,6 +125,7 @@ impl<'a> Supervisor<'a> {
             events: Output::open(&bus, topic::EVENTS).into_diagnostic()?,
             links: Latest::open(&bus, topic::LINKS_STATE).into_diagnostic()?,
             limits: LimitWatch::new(stack.launch.limits),
+            systemd: Systemd::from_environment(),
             watched: Instant::now(),
             flown: Flown::default(),
         })
@@ -142,6 +145,7 @@ impl<'a> Supervisor<'a> {
                 return Ok(());
             }
             self.watch()?;
+            self.systemd.live(self.members.iter().all(|member| member.heard.is_some()));
             self.mission.refresh();
             if let Some(mission) = self.mission.fresh() {
                 progress(mission);
@@ -259,12 +263,13 @@ impl<'a> Supervisor<'a> {
         if !member.schedule.restart {
             return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' ended ({status})")));
         }
-        member.stillborn = if member.started.elapsed() < STILLBORN { member.stillborn + 1 } else { 0 };
+        let worked = member.started.elapsed() >= STILLBORN;
+        member.stillborn = if worked { 0 } else { member.stillborn + 1 };
         if member.stillborn >= STILLBORN_LIMIT && name != SPARED {
             let why = format!("service '{name}' ended {STILLBORN_LIMIT} times in a row as soon as it was started");
             return self.safe_mode(&why).wrap_err(said.trim_end().to_owned());
         }
-        if member.started.elapsed() > WELL {
+        if worked {
             member.pause = FIRST_PAUSE;
         }
         member.restart_at = Some(Instant::now() + member.pause);
@@ -330,6 +335,7 @@ impl Member {
             .arg(&site.bus_prefix)
             .arg("--starts")
             .arg(self.starts.to_string())
+            .env_remove(notify::SOCKET_VARIABLE)
             // A child hears of its launcher's death by the end of its standard input, and of Ctrl-C only through it.
             .stdin(Stdio::piped())
             .stdout(Stdio::null())

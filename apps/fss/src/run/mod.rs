@@ -3,6 +3,9 @@
 pub mod fast;
 mod launcher;
 mod limits;
+mod measured;
+mod notify;
+mod overruns;
 mod picture;
 mod processes;
 mod soak;
@@ -17,6 +20,7 @@ use fss_lab::Faults;
 use fss_messages::MissionState;
 use fss_records::log::Log;
 use indicatif::{ProgressBar, ProgressStyle};
+pub use measured::measured_flight;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 pub use soak::SoakArgs;
 use stack::Stack;

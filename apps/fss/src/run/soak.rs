@@ -4,11 +4,13 @@
 //! seed. What is reported is what was seen from outside: in shared memory, in `/proc`, in the logs.
 
 use super::launcher::{self, Site};
+use super::overruns::{Causes, Disturbances};
 use super::stack::Stack;
 use super::summary::Records;
 use super::witness::{Testimony, Witness};
 use super::{FAULT_EVERY_S, make_link_key, stop_on_signal};
 use clap::Args;
+use fss_bus::realtime;
 use fss_lab::Faults;
 use fss_messages::{Header, text_of, topic};
 use fss_records::log::Log;
@@ -17,7 +19,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError};
@@ -61,6 +63,8 @@ pub struct Soak {
     faults: usize,
     cycles: u64,
     overruns: u64,
+    overruns_by_cause: Causes,
+    by_service: BTreeMap<String, Kept>,
     restarts: u32,
     records: u64,
     lost_records: u64,
@@ -70,6 +74,13 @@ pub struct Soak {
     shm_leaked_bytes: u64,
     navigation_rms_m: f64,
     unreadable_logs: u32,
+}
+
+/// How a service kept its rate.
+#[derive(Debug, Default, Serialize)]
+struct Kept {
+    cycles: u64,
+    overruns: u64,
 }
 
 /// Sums over all flights that are not figures themselves.
@@ -109,7 +120,7 @@ fn fly_all(args: &SoakArgs, folder: &Path, stop: &Arc<AtomicBool>, soak: &mut So
     let end = Instant::now() + Duration::from_secs_f64(args.minutes * 60.0);
     let mut random = ChaCha8Rng::seed_from_u64(args.seed);
     let mission = folder.join("soak.toml");
-    std::fs::write(&mission, mission_text()).into_diagnostic()?;
+    std::fs::write(&mission, mission_text(TURNS)).into_diagnostic()?;
     let mut sums = Sums::default();
     while Instant::now() < end && !stop.load(Ordering::Relaxed) {
         soak.flights += 1;
@@ -138,8 +149,11 @@ fn fly_all(args: &SoakArgs, folder: &Path, stop: &Arc<AtomicBool>, soak: &mut So
     Ok(())
 }
 
-/// A minute of slewing to and fro while the arm holds: the thrusters are always at work.
-fn mission_text() -> String {
+/// How many turns of 4 s a flight has.
+const TURNS: i32 = 15;
+
+/// Slewing to and fro while the arm holds, 4 s a turn: the thrusters are always at work.
+pub fn mission_text(turns: i32) -> String {
     let phase = |k: i32| {
         let theta_deg = if k % 2 == 0 { 15 } else { -15 };
         format!(
@@ -148,7 +162,7 @@ fn mission_text() -> String {
         )
     };
     let head = "name = \"soak\"\ndescription = \"The base turns to and fro.\"\n".to_owned();
-    std::iter::once(head).chain((0..15).map(phase)).collect()
+    std::iter::once(head).chain((0..turns).map(phase)).collect()
 }
 
 fn host() -> String {
@@ -174,19 +188,32 @@ impl Flight {
         let folder = self.folder.canonicalize().into_diagnostic()?;
         stack.write_to(&folder)?;
         make_link_key(stack, &folder)?;
-        let bus_prefix = format!("fsssoak_{}_{}_", std::process::id(), soak.flights);
+        let bus_prefix = format!("fsssoak{}_{}_", soak.flights, std::process::id());
         let site = Site { folder, bus_prefix, seed: self.seed, processes: Arc::default() };
         let flight_over = Arc::new(AtomicBool::new(false));
+        let disturbances = Disturbances::default();
+        let start_ns = realtime::now().into_diagnostic()?.ns();
         std::thread::scope(|scope| {
+            let cores = stack.launch.services.iter().filter_map(|s| s.core).collect::<BTreeSet<_>>();
+            for core in cores {
+                let (disturbances, over) = (&disturbances, &flight_over);
+                scope.spawn(move || disturbances.watch(core, over));
+            }
             let (over, site_ref) = (flight_over.clone(), &site);
             let vehicle = stack.launch.vehicle.clone();
-            let tormentor = scope.spawn(move || self.torment(site_ref, &vehicle, stop, &over));
+            let blows = &disturbances;
+            let tormentor = scope.spawn(move || self.torment(site_ref, &vehicle, blows, stop, &over));
             let flown = launcher::fly(stack, &site, &flight_over, |_| ());
             flight_over.store(true, Ordering::Relaxed);
             let found = tormentor.join().map_err(|_| miette!("the soak's witness failed"))??;
             match flown {
                 Ok(flown) => soak.restarts += flown.restarts,
                 Err(e) => soak.ended_early.push(format!("flight {}: {e}", soak.flights)),
+            }
+            for late in &found.seen.late {
+                let schedule = stack.launch.schedule(&late.service);
+                let place = schedule.map_or((None, None), |s| (s.core, s.priority));
+                disturbances.explain(late, place, start_ns, &mut soak.overruns_by_cause);
             }
             soak.take(&found);
             soak.shm_leaked_bytes += shared_memory_bytes(&site.bus_prefix);
@@ -195,7 +222,14 @@ impl Flight {
     }
 
     /// Strikes and watches until the flight is over; ends it when the soak's time is.
-    fn torment(&self, site: &Site, vehicle: &str, stop: &AtomicBool, over: &AtomicBool) -> Result<Found> {
+    fn torment(
+        &self,
+        site: &Site,
+        vehicle: &str,
+        disturbances: &Disturbances,
+        stop: &AtomicBool,
+        over: &AtomicBool,
+    ) -> Result<Found> {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let mut witness = Witness::join(&site.bus_prefix, vehicle)?;
         let mut found = Found::default();
@@ -210,13 +244,14 @@ impl Flight {
             if stop.load(Ordering::Relaxed) || start.elapsed() > self.time {
                 over.store(true, Ordering::Relaxed);
             }
-            witness.look();
+            witness.look()?;
             if Instant::now() >= next_blow {
                 let victim = VICTIMS[random.random_range(0..VICTIMS.len())];
                 let signal = if random.random_bool(0.2) { Signal::STOP } else { Signal::KILL };
                 let processes = site.processes.lock().unwrap_or_else(PoisonError::into_inner);
                 let struck = processes.get(victim).is_some_and(|id| strike(*id, signal));
                 if struck {
+                    disturbances.note_blow(witness.note_blow(victim)?);
                     *(if signal == Signal::STOP { &mut found.freezes } else { &mut found.kills }) += 1;
                 }
                 next_blow = Instant::now() + pause(&mut random);
@@ -255,7 +290,10 @@ impl Soak {
             let silent = self.service_silent_ms_max.entry(service.clone()).or_default();
             *silent = silent.max(*silent_ns as f64 * 1e-6);
         }
-        for (cycles, overruns) in found.seen.counts.values() {
+        for ((service, _), (cycles, overruns)) in &found.seen.counts {
+            let kept = self.by_service.entry(service.clone()).or_default();
+            kept.cycles += cycles;
+            kept.overruns += overruns;
             self.cycles += cycles;
             self.overruns += overruns;
         }

@@ -1,19 +1,37 @@
-//! Watches a flying stack from outside, through its shared memory: how long valves stay open after their command.
+//! Watches a flying stack from outside, through its shared memory: how long valves stay open after their command, and how
+//! long services are missing.
 
-use fss_bus::{Batch, Bus, InputPort, SharedConfig};
+use fss_bus::{Batch, Bus, InputPort, SharedConfig, realtime};
 use fss_messages::{Health, MAX_THRUSTERS, ThrustersCommand, TruthState, text_of, topic};
 use miette::{IntoDiagnostic, Result};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 /// What a witness has seen.
 #[derive(Clone, Debug, Default)]
 pub struct Testimony {
     /// The longest that a valve was seen open after the last command that opened it, ns.
     pub open_after_ns: u64,
-    /// The longest time between two signs of life of each service, ns.
+    /// Whether a valve was open when last seen.
+    pub open: bool,
+    /// The longest time without a sign of life of each service, from its last one or from the last blow upon it, ns.
     pub silent_ns: BTreeMap<String, u64>,
     /// Cycles and overruns of each start of each service.
     pub counts: BTreeMap<(String, u32), (u64, u64)>,
+    /// Between which reports steps ended late.
+    pub late: Vec<Late>,
+}
+
+/// Steps of a service that ended late, between two of its reports.
+#[derive(Clone, Debug)]
+pub struct Late {
+    /// Whose.
+    pub service: String,
+    /// The report before, ns.
+    pub from_ns: u64,
+    /// The report that counts them, ns.
+    pub to_ns: u64,
+    /// How many.
+    pub count: u64,
 }
 
 /// Watches; to be asked to look every few milliseconds.
@@ -21,8 +39,13 @@ pub struct Witness {
     commands: Batch<ThrustersCommand>,
     truth: Batch<TruthState>,
     health: Batch<Health>,
+    /// Commands that the truth has not come to yet.
+    pending: VecDeque<ThrustersCommand>,
     commanded_ns: [u64; MAX_THRUSTERS],
-    alive_ns: BTreeMap<String, u64>,
+    /// The last sign of life of each service, ns.
+    pub alive_ns: BTreeMap<String, u64>,
+    /// The last blow upon each service, ns.
+    struck_ns: BTreeMap<String, u64>,
     /// What it has seen so far.
     pub seen: Testimony,
 }
@@ -39,33 +62,66 @@ impl Witness {
             commands: Batch::open(&bus, topic::THRUSTERS_COMMAND).into_diagnostic()?,
             truth: Batch::open(&bus, topic::TRUTH_STATE).into_diagnostic()?,
             health: Batch::open(&bus, topic::HEALTH).into_diagnostic()?,
+            pending: VecDeque::new(),
             commanded_ns: [0; MAX_THRUSTERS],
             alive_ns: BTreeMap::new(),
+            struck_ns: BTreeMap::new(),
             seen: Testimony::default(),
         })
     }
 
     /// Takes what has come since the last look.
-    pub fn look(&mut self) {
+    ///
+    /// # Errors
+    /// Where the clock cannot be read.
+    pub fn look(&mut self) -> Result<()> {
+        let now = realtime::now().into_diagnostic()?;
         self.truth.refresh();
         self.commands.refresh();
         self.health.refresh();
-        for command in self.commands.samples() {
-            for (at, &open) in self.commanded_ns.iter_mut().zip(&command.valves) {
-                *at = if open == 0 { *at } else { command.published_ns };
-            }
-        }
+        self.pending.extend(self.commands.samples());
         for truth in self.truth.samples() {
+            // In the order of their times, however late this looks: no later command excuses an open valve.
+            while let Some(command) = self.pending.front().filter(|c| c.published_ns <= truth.stamp_ns) {
+                for (at, &open) in self.commanded_ns.iter_mut().zip(&command.valves) {
+                    *at = if open == 0 { *at } else { command.published_ns };
+                }
+                self.pending.pop_front();
+            }
             let open = truth.valves.iter().zip(&self.commanded_ns).filter(|(valve, _)| **valve != 0);
             let after = open.map(|(_, at)| truth.stamp_ns.saturating_sub(*at)).max();
+            self.seen.open = after.is_some();
             self.seen.open_after_ns = self.seen.open_after_ns.max(after.unwrap_or(0));
         }
         for health in self.health.samples() {
             let service = text_of(&health.service).to_owned();
             let before = self.alive_ns.insert(service.clone(), health.stamp_ns).unwrap_or(health.stamp_ns);
-            let silent = self.seen.silent_ns.entry(service.clone()).or_default();
-            *silent = (*silent).max(health.stamp_ns.saturating_sub(before));
-            self.seen.counts.insert((service, health.starts), (health.cycles, health.overruns));
+            let since = before.max(self.struck_ns.get(&service).copied().unwrap_or(0));
+            let longest = self.seen.silent_ns.entry(service.clone()).or_default();
+            *longest = health.stamp_ns.saturating_sub(since).max(*longest);
+            let counts = (health.cycles, health.overruns);
+            let last = self.seen.counts.insert((service.clone(), health.starts), counts).unwrap_or_default();
+            let count = health.overruns.saturating_sub(last.1);
+            if count > 0 {
+                self.seen.late.push(Late { service, from_ns: before, to_ns: health.stamp_ns, count });
+            }
         }
+        for (service, alive_ns) in &self.alive_ns {
+            let since = self.struck_ns.get(service).copied().unwrap_or(0).max(*alive_ns);
+            if let Some(longest) = self.seen.silent_ns.get_mut(service) {
+                *longest = now.age_ns(since).max(*longest);
+            }
+        }
+        Ok(())
+    }
+
+    /// The service was killed or frozen now, perhaps while it was coming back from the blow before.
+    ///
+    /// # Errors
+    /// Where the clock cannot be read.
+    pub fn note_blow(&mut self, service: &str) -> Result<u64> {
+        let now_ns = realtime::now().into_diagnostic()?.ns();
+        self.struck_ns.insert(service.to_owned(), now_ns);
+        Ok(now_ns)
     }
 }

@@ -1,0 +1,84 @@
+//! A flight whose processes' time is taken.
+
+use super::launcher::{self, Site};
+use super::stack::Stack;
+use super::{LOG_FILE, make_link_key, soak, stop_on_signal};
+use fss_messages::MissionState;
+use miette::{IntoDiagnostic, Result, miette};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What a flight has cost.
+pub struct Measured {
+    /// Time over which processes were measured, s.
+    pub seconds: f64,
+    /// Processor time of each process in that time, ns; the launcher's under its own name.
+    pub cpu_ns: BTreeMap<String, u64>,
+    /// The flight's log.
+    pub log: PathBuf,
+}
+
+/// How long a stack flies before it is measured: by then all is mapped and the mission runs.
+const SETTLED: Duration = Duration::from_secs(4);
+
+/// Flies to and fro for `seconds` and takes the processes' time; the log stays in `folder`.
+///
+/// # Errors
+/// Where the stack does not fly.
+pub fn measured_flight(folder: &Path, launch: Option<&Path>, seconds: f64) -> Result<(Stack, Measured)> {
+    std::fs::create_dir_all(folder).into_diagnostic()?;
+    let folder = folder.canonicalize().into_diagnostic()?;
+    let mission = folder.join("measured.toml");
+    std::fs::write(&mission, soak::mission_text((seconds / 4.0).ceil() as i32 + 2)).into_diagnostic()?;
+    let stack = Stack::load(launch, None, &mission.to_string_lossy())?;
+    stack.write_to(&folder)?;
+    make_link_key(&stack, &folder)?;
+    let bus_prefix = format!("fssbench_{}_", std::process::id());
+    let site = Site { folder: folder.clone(), bus_prefix, seed: 1, processes: Arc::default() };
+    let (interrupted, over) = (stop_on_signal()?, AtomicBool::new(false));
+    let mut begun: Option<(Instant, BTreeMap<String, u64>)> = None;
+    let mut measured = None;
+    let mut running_since = None;
+    launcher::fly(&stack, &site, &over, |mission| {
+        let running = mission.state == MissionState::RUNNING;
+        let since: Instant = *running_since.get_or_insert_with(Instant::now);
+        if running && begun.is_none() && since.elapsed() > SETTLED {
+            begun = Some((Instant::now(), processor_time_ns(&site)));
+        }
+        if let Some((start, before)) = &begun
+            && measured.is_none()
+            && start.elapsed().as_secs_f64() >= seconds
+        {
+            let spent = |(name, now): (String, u64)| {
+                let ns = now.saturating_sub(before.get(&name).copied().unwrap_or(0));
+                (name, ns)
+            };
+            let cpu_ns = processor_time_ns(&site).into_iter().map(spent).collect();
+            measured = Some(Measured { seconds: start.elapsed().as_secs_f64(), cpu_ns, log: folder.join(LOG_FILE) });
+            over.store(true, Ordering::Relaxed);
+        }
+        if interrupted.load(Ordering::Relaxed) {
+            over.store(true, Ordering::Relaxed);
+        }
+    })?;
+    let measured = measured.ok_or_else(|| miette!("the flight ended before its {seconds} s were over"))?;
+    Ok((stack, measured))
+}
+
+fn processor_time_ns(site: &Site) -> BTreeMap<String, u64> {
+    let processes = site.processes.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let own = [("launcher".to_owned(), std::process::id())];
+    processes.into_iter().chain(own).map(|(name, id)| (name, time_of_process_ns(id))).collect()
+}
+
+/// Of all its threads.
+fn time_of_process_ns(id: u32) -> u64 {
+    let tasks = std::fs::read_dir(format!("/proc/{id}/task")).into_iter().flatten().flatten();
+    tasks
+        .filter_map(|task| std::fs::read_to_string(task.path().join("schedstat")).ok())
+        .filter_map(|text| text.split_whitespace().next()?.parse::<u64>().ok())
+        .sum()
+}
