@@ -57,6 +57,20 @@ fn a_thruster_that_does_not_open_is_missed() {
 }
 
 #[test]
+fn a_mission_file_brings_its_own_faults() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("blind.toml");
+    let fault = "[[fault]]\nfrom_s = 4\nto_s = 4.8\nkind = \"vicon_silent\"\n";
+    std::fs::write(&path, format!("{}\n{fault}", include_str!("../deploy/etc/missions/hold.toml"))).unwrap();
+    let s = fly(path.to_str().unwrap(), &[]);
+    assert!(s["warnings"].to_string().contains("motion capture is missing"), "{s}");
+    let none = folder.path().join("none.toml");
+    std::fs::write(&none, "").unwrap();
+    let s = fly(path.to_str().unwrap(), &["--faults", none.to_str().unwrap()]);
+    assert!(!s["warnings"].to_string().contains("motion capture is missing"), "a fault file replaces them: {s}");
+}
+
+#[test]
 fn faults_that_make_no_sense_are_refused_with_their_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.toml");

@@ -47,7 +47,23 @@ pub struct Networks {
     pub link_down: Option<Network>,
 }
 
+/// What a mission file says of them, among other things.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct OfMission {
+    network: Networks,
+    fault: Vec<Fault>,
+}
+
 impl Faults {
+    /// Those of a mission file, whose other tables are the mission's business.
+    ///
+    /// # Errors
+    /// Where its `network` or `fault` tables cannot be read.
+    pub fn in_mission(text: &str) -> Result<Self, toml::de::Error> {
+        toml::from_str(text).map(|OfMission { network, fault }| Self { network, fault })
+    }
+
     /// Puts them into a laboratory.
     pub fn apply_to(&self, config: &mut LabConfig) {
         let ways = [

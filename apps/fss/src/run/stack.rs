@@ -46,7 +46,7 @@ pub struct Stack {
     pub plant: Plant,
     /// What to fly.
     pub mission: Mission,
-    /// What goes wrong in the simulated laboratory; nothing where absent.
+    /// What goes wrong in the simulated laboratory: what the mission file says, unless a fault file or a seed replaces it.
     pub faults: Faults,
     /// The mission's short name.
     pub mission_name: String,
@@ -108,15 +108,7 @@ impl Stack {
     /// # Errors
     /// Names the file, the line and what to do.
     pub fn with_faults(self, file: &TextFile) -> Result<Self> {
-        let faults: Faults = toml::from_str(&file.text).map_err(|e| {
-            let help =
-                "a fault file has [network.NAME] tables and [[fault]] tables with from_s, to_s and kind".to_owned();
-            file.error(e.message().to_owned(), help, e.span())
-        })?;
-        let key = Key::new(&[1; 32]).into_diagnostic()?;
-        faults
-            .check(&self.plant, &LabConfig::new(0, key))
-            .map_err(|e| file.error(e.to_string(), String::new(), None))?;
+        let faults = checked_faults(toml::from_str(&file.text), file, &self.plant)?;
         Ok(Self { faults, ..self })
     }
 
@@ -141,11 +133,12 @@ impl Stack {
                 format!("give [devices] links = [...] one address for each [[link]] of {}", plant_file.path.display());
             return Err(launch_file.error(message, help, None));
         }
+        let faults = checked_faults(Faults::in_mission(&mission_file.text), mission_file, &plant)?;
         Ok(Self {
             launch,
             plant,
             mission,
-            faults: Faults::default(),
+            faults,
             mission_name,
             launch_text: launch_file.text.clone(),
             plant_text: plant_file.text.clone(),
@@ -197,6 +190,17 @@ impl Stack {
         }
         Ok(())
     }
+}
+
+/// Faults as a file says them, where they make sense with this plant.
+fn checked_faults(said: Result<Faults, toml::de::Error>, file: &TextFile, plant: &Plant) -> Result<Faults> {
+    let faults = said.map_err(|e| {
+        let help = "faults are [network.NAME] tables and [[fault]] tables with from_s, to_s and kind".to_owned();
+        file.error(e.message().to_owned(), help, e.span())
+    })?;
+    let key = Key::new(&[1; 32]).into_diagnostic()?;
+    faults.check(plant, &LabConfig::new(0, key)).map_err(|e| file.error(e.to_string(), String::new(), None))?;
+    Ok(faults)
 }
 
 fn file_or(path: Option<&Path>, what: &str, own_name: &str, own_text: &str) -> Result<TextFile> {

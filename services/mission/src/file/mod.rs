@@ -27,6 +27,8 @@
 //!     { joint = 1, amplitude_deg = 15, frequency_Hz = 0.1, phase_deg = 0 },
 //! ] }
 //! ```
+//!
+//! `[network.NAME]` and `[[fault]]` tables, as in a fault file, belong to the simulated laboratory and are not read here.
 
 mod check;
 mod raw;

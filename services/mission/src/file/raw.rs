@@ -1,6 +1,7 @@
 //! The mission file as it is written: keys, and where in the text their values stand.
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use toml::Spanned;
 
 pub(super) type Number = Spanned<f64>;
@@ -14,6 +15,11 @@ pub(super) struct Mission {
     #[serde(default)]
     pub(super) initial: Initial,
     pub(super) phase: Spanned<Vec<Spanned<Phase>>>,
+    /// What goes wrong in the simulated laboratory: the laboratory reads it, a mission does not know.
+    #[serde(default, rename = "network")]
+    _network: IgnoredAny,
+    #[serde(default, rename = "fault")]
+    _fault: IgnoredAny,
 }
 
 #[derive(Default, Deserialize)]
