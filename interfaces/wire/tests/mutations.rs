@@ -1,5 +1,6 @@
 //! Valid frames, damaged in ways that networks and serial lines know: bits turned, bytes lost, doubled and inserted, pieces
-//! of frames joined. The same decoders stand in `fuzz/` for long runs with coverage.
+//! of frames joined. `tests/fuzz` at the top holds every reader to less, for
+//! any bytes.
 //!
 //! The seed is printed; `FSS_FUZZ_SEED` and `FSS_FUZZ_ROUNDS` repeat or prolong a run.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
