@@ -123,12 +123,12 @@ impl Schedule {
 
     /// When in its period a step begins, ns.
     pub fn phase_ns(&self) -> u64 {
-        self.phase_us * 1000
+        self.phase_us.saturating_mul(1000)
     }
 
     /// Time after its boundary at which a step must have ended, ns.
     pub fn deadline_ns(&self) -> u64 {
-        self.deadline_us.map_or_else(|| self.period_ns(), |us| us * 1000)
+        self.deadline_us.map_or_else(|| self.period_ns(), |us| us.saturating_mul(1000))
     }
 }
 

@@ -7,6 +7,7 @@ use fss_bus::launch::Schedule;
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use rustix::process::setpriority_process;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
@@ -16,6 +17,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Of the launcher and of services without a real-time priority, and of all while they start.
+const NICE: i32 = -10;
 /// How often the launcher looks after its children.
 const WATCH_PERIOD: Duration = Duration::from_millis(5);
 /// A service that ends within this time of its first start could not start: the run is given up, with its reason.
@@ -87,6 +90,8 @@ struct Member {
 /// Where a service cannot start; whatever happens, no process and no shared memory is left behind.
 pub fn fly(stack: &Stack, site: &Site, stop: &AtomicBool, mut progress: impl FnMut(&MissionState)) -> Result<Flown> {
     fss_bus::remove_stale_stacks().into_diagnostic()?;
+    // What supervises, starts and records goes before other people's work; where that is refused, beside it.
+    let _beside = setpriority_process(None, NICE);
     let mut supervisor = Supervisor::join(stack, site)?;
     let flight = supervisor.fly(stop, &mut progress);
     supervisor.stop_all();

@@ -109,10 +109,10 @@ fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
         description.write_to(&mut log)?;
         Ok(log)
     };
-    let megabytes = 1_000_000;
+    let megabytes = 1_000_000_u64;
     let limits = Limits {
-        rotate_bytes: site.launch.recording.rotate_mb.map(|mb| mb * megabytes),
-        keep_free_bytes: site.launch.recording.keep_free_mb * megabytes,
+        rotate_bytes: site.launch.recording.rotate_mb.map(|mb| megabytes.saturating_mul(mb)),
+        keep_free_bytes: megabytes.saturating_mul(site.launch.recording.keep_free_mb),
     };
     let recorder = Recorder::threaded(&site.bus, Box::new(open), limits).into_diagnostic()?;
     site.fly(recorder, || ())?.finish().into_diagnostic()
