@@ -125,6 +125,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
 
     let bar = progress_bar(&stack, args.quiet);
     let show = |mission: &MissionState| show_progress(&bar, &stack, mission);
+    let mut ended = None;
     if args.fast {
         fast::fly(&stack, stack.laboratory(), &folder.join(LOG_FILE), args.seed, show)?;
     } else {
@@ -140,11 +141,16 @@ pub fn run(args: &RunArgs) -> Result<()> {
         if flown.interrupted {
             bar.abandon_with_message("stopped");
         }
+        ended = flown.mission;
     }
     bar.finish_and_clear();
     let log = Log::open(&folder.join(LOG_FILE)).into_diagnostic()?;
     let records = Records::of(&log, &stack.launch.vehicle).into_diagnostic()?;
-    let summary = records.summary(&stack.mission_name);
+    let mut summary = records.summary(&stack.mission_name);
+    if let Some(mission) = ended {
+        // The first log knows nothing of what came after its recorder's death.
+        summary.outcome = summary::outcome(&[mission]);
+    }
     let write = |name: &str, text: String| {
         let path = folder.join(name);
         std::fs::write(&path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))

@@ -207,7 +207,8 @@ fn number(value: Option<f64>, scale: f64, digits: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{:.digits$}", v * scale))
 }
 
-fn outcome(states: &[MissionState]) -> &'static str {
+/// How a mission ended whose states these are.
+pub fn outcome(states: &[MissionState]) -> &'static str {
     match states.last().map(|s| s.state) {
         Some(MissionState::DONE) => "done",
         Some(MissionState::ABORTED) => "aborted",
