@@ -1,11 +1,29 @@
 //! Calibration: parameters of the plant from measured runs, with what the data cannot determine said in words.
 //!
 //! - [`solve`]: iterative batch least squares with weights estimated from the residuals, rank and covariance;
-//! - [`kinematic`]: link lengths, joint offsets and the first joint's pose from end-effector poses (the paper's section 4.1).
+//! - [`kinematic`]: link lengths, joint offsets and the first joint's pose from end-effector poses (the paper's section 4.1);
+//! - [`attitude`]: a common inertia of the links from how far the base turned (the paper's section 4.2);
+//! - [`dynamic`]: kinematic and dynamic parameters together from whole trajectories;
+//! - [`write`](mod@write): an estimate into a plant file.
+//!
+//! # Intervals on moving data
+//!
+//! What is wrong with one telemetry report is wrong with all samples between it and its neighbours. The autocorrelation of
+//! the residuals tells by how much: `n` samples then count as `n / (1 + 2 sum of autocorrelations)`, the sum ended where
+//! pairs of neighbouring lags turn negative (Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992).
 
+pub mod attitude;
+mod drift;
+pub mod dynamic;
 pub mod kinematic;
+mod motion;
+mod words;
+pub mod write;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use words::{SHARE, in_words};
 
 /// One unknown of a calibration.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +43,8 @@ pub struct Row {
     pub kind: usize,
     /// Observations of one instant are kept or rejected together.
     pub instant: usize,
+    /// Rows of one kind and series stand in the order of time and may share errors; those of two series do not.
+    pub series: usize,
 }
 
 /// A parameter as the data determine it.
@@ -53,7 +73,8 @@ pub struct Estimate {
     pub unknowns: usize,
     /// Largest over smallest singular value of the weighted Jacobian with columns of unit norm; infinite without full rank.
     pub condition: f64,
-    /// Standard deviation of the residuals, one a kind of observation; divided by what is left of its degrees of freedom.
+    /// Standard deviation of the residuals, one a kind of observation; divided by what is left of its degrees of freedom,
+    /// and enlarged where neighbours share their errors.
     pub noise: Vec<f64>,
     /// Root mean square of the residuals, one a kind.
     pub residual_std: Vec<f64>,
@@ -90,8 +111,10 @@ pub enum CalibrationError {
 }
 
 const MAX_ITERATIONS: usize = 60;
-/// Shares of an undetermined direction below this are rounding.
-const SHARE: f64 = 0.02;
+
+
+/// Autocorrelation is looked for in series of this many samples and more.
+const SHORTEST_SERIES: usize = 12;
 /// Residuals beyond this many standard deviations are outliers.
 const OUTLIER: f64 = 5.0;
 
@@ -105,7 +128,7 @@ pub fn solve(
     unknowns: &[Unknown],
     rows: &[Row],
     sensor_noise: &[f64],
-    residuals: impl Fn(&[f64]) -> Option<Vec<f64>>,
+    residuals: impl Fn(&[f64]) -> Option<Vec<f64>> + Sync,
 ) -> Result<Estimate, CalibrationError> {
     let mut fit = Fit::new(unknowns, rows, sensor_noise);
     fit.converge(&residuals)?;
@@ -160,25 +183,30 @@ impl<'a> Fit<'a> {
     }
 
     fn weight(&self, row: usize) -> f64 {
-        let Row { kind, instant } = self.rows[row];
+        let Row { kind, instant, .. } = self.rows[row];
         if self.rejected.contains(&instant) { 0.0 } else { 1.0 / self.noise[kind] }
     }
 
-    fn linear(&self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<Linear, CalibrationError> {
+    fn linear(&self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<Linear, CalibrationError> {
         let at = |values: &[f64]| residuals(values).ok_or(CalibrationError::Diverged);
         let residual = at(&self.values)?;
         let (n, m) = (self.unknowns.len(), self.rows.len());
         // Rows of zeros below change nothing, and give the null space where there are fewer rows than unknowns.
         let mut jacobian = DMatrix::zeros(m.max(n), n);
-        for (j, unknown) in self.unknowns.iter().enumerate() {
-            let step = 1e-5 * unknown.plausible;
+        let slope = |j: usize| {
+            let step = 1e-5 * self.unknowns[j].plausible;
             let mut moved = self.values.clone();
             moved[j] += step;
             let ahead = at(&moved)?;
             moved[j] -= 2.0 * step;
-            let behind = at(&moved)?;
+            Ok((ahead, at(&moved)?))
+        };
+        let slopes: Vec<_> = (0..n).into_par_iter().map(slope).collect::<Result<_, CalibrationError>>()?;
+        let weights: Vec<f64> = (0..m).map(|i| self.weight(i)).collect();
+        for (j, (ahead, behind)) in slopes.iter().enumerate() {
             for i in 0..m {
-                jacobian[(i, j)] = (behind[i] - ahead[i]) / (2.0 * step) * unknown.plausible * self.weight(i);
+                // A step of 1e-5 of what is plausible, in units of what is plausible.
+                jacobian[(i, j)] = (behind[i] - ahead[i]) / 2e-5 * weights[i];
             }
         }
         let svd = jacobian.clone().svd(true, true);
@@ -186,7 +214,7 @@ impl<'a> Fit<'a> {
         Ok(Linear { residual, jacobian, singular: svd.singular_values.as_slice().to_vec(), right, left })
     }
 
-    fn converge(&mut self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<(), CalibrationError> {
+    fn converge(&mut self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<(), CalibrationError> {
         for _ in 0..MAX_ITERATIONS {
             let linear = self.linear(residuals)?;
             let mut weighted = DVector::zeros(linear.jacobian.nrows());
@@ -225,20 +253,46 @@ impl<'a> Fit<'a> {
             squares[row.kind] += linear.residual[i].powi(2);
             freedom[row.kind] += 1.0 - leverage;
         }
-        self.freedom = freedom.iter().copied().filter(|left| *left >= 3.0).fold(f64::INFINITY, f64::min);
+        let shared: Vec<f64> = (0..squares.len()).map(|kind| self.samples_for_one(kind, linear)).collect();
+        let counted = freedom.iter().zip(&shared).filter(|(left, _)| **left >= 3.0);
+        self.freedom = counted.map(|(left, shared)| left / shared).fold(f64::INFINITY, f64::min);
         let of = |kind: usize| {
             let floor = 1e-9 * self.sensor_noise[kind];
             if freedom[kind] < 3.0 {
                 self.sensor_noise[kind]
             } else {
-                (squares[kind] / freedom[kind]).sqrt().max(floor)
+                (squares[kind] / freedom[kind] * shared[kind]).sqrt().max(floor)
             }
         };
         (0..self.sensor_noise.len()).map(of).collect()
     }
 
+    /// How many samples of a kind say as much as one that shares no error with its neighbours: 1 or more.
+    fn samples_for_one(&self, kind: usize, linear: &Linear) -> f64 {
+        let mut series: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for (i, row) in self.rows.iter().enumerate().filter(|(_, row)| row.kind == kind) {
+            let value = if self.weight(i) > 0.0 { linear.residual[i] } else { 0.0 };
+            series.entry(row.series).or_default().push(value);
+        }
+        series.retain(|_, values| values.len() >= SHORTEST_SERIES);
+        let product = |lag: usize| -> f64 {
+            series.values().flat_map(|v| v.iter().zip(v.iter().skip(lag)).map(|(a, b)| a * b)).sum()
+        };
+        let longest = series.values().map(|values| values.len() / 4).max().unwrap_or(0);
+        let power = product(0);
+        let mut sum = 0.0;
+        for lag in (1..longest).step_by(2) {
+            let pair = (product(lag) + product(lag + 1)) / power;
+            if pair.is_nan() || pair <= 0.0 {
+                break;
+            }
+            sum += pair;
+        }
+        1.0 + 2.0 * sum
+    }
+
     /// Rejects instants far off, by a scale that outliers do not widen; at most a fifth of all.
-    fn reject_outliers(&mut self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<bool, CalibrationError> {
+    fn reject_outliers(&mut self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<bool, CalibrationError> {
         let residual = residuals(&self.values).ok_or(CalibrationError::Diverged)?;
         let mut worst: Vec<(f64, usize)> = Vec::new();
         for kind in 0..self.noise.len() {
@@ -264,7 +318,7 @@ impl<'a> Fit<'a> {
         Ok(!self.rejected.is_empty())
     }
 
-    fn finish(self, residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<Estimate, CalibrationError> {
+    fn finish(self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<Estimate, CalibrationError> {
         let linear = self.linear(residuals)?;
         let n = self.unknowns.len();
         let hidden: Vec<usize> = (0..n).filter(|k| !linear.is_seen(*k)).collect();
@@ -305,21 +359,6 @@ impl<'a> Fit<'a> {
             values: self.values,
         })
     }
-}
-
-/// A direction that leaves every observation as it is.
-fn in_words(unknowns: &[Unknown], right: &DMatrix<f64>, k: usize) -> String {
-    let mut parts: Vec<(f64, &Unknown)> =
-        unknowns.iter().enumerate().map(|(j, u)| (right[(k, j)] * u.plausible, u)).collect();
-    parts.retain(|(step, u)| (step / u.plausible).abs() > SHARE);
-    parts.sort_by(|a, b| (b.0 / b.1.plausible).abs().total_cmp(&(a.0 / a.1.plausible).abs()));
-    let Some(first) = parts.first().copied() else { return "a combination of all parameters".into() };
-    if parts.len() == 1 {
-        return format!("{} is not seen in this data", first.1.name);
-    }
-    let others: Vec<String> =
-        parts[1..].iter().map(|(step, u)| format!("{} by {:+.3}", u.name, step / first.0)).collect();
-    format!("not seen: {} by +1 together with {}", first.1.name, others.join(", "))
 }
 
 /// Condition number with columns of unit norm.

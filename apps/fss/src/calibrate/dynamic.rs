@@ -1,0 +1,113 @@
+//! `fss calibrate dynamic`.
+
+use super::answer::{self, Kind, write};
+use super::read_plant;
+use crate::diagnose::runs;
+use clap::{Args, ValueEnum};
+use fss_identify::calibrate::attitude::{self, Maneuver};
+use fss_identify::calibrate::dynamic::{self, Choice};
+use fss_identify::calibrate::{CalibrationError, Estimate, write as plant_file};
+use fss_identify::measured::Run;
+use fss_plant::Plant;
+use miette::{IntoDiagnostic, Report, Result, miette};
+use std::path::PathBuf;
+
+/// How.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// Whole trajectories: geometry, centres of mass and inertias together, from momentum and torque sensors.
+    Trajectory,
+    /// The paper's: one joint at a time from rest to rest, how far the base turned, one inertia for all links.
+    Attitude,
+}
+
+/// What `fss calibrate dynamic` takes.
+#[derive(Args)]
+pub struct DynamicArgs {
+    /// Measured runs: folders in the format fss-experiment/1, or logs of `fss run`. Only times without thrust count.
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Plant file: the first guess, and what is held: masses, unless --masses.
+    #[arg(long, value_name = "FILE")]
+    plant: PathBuf,
+    /// The calibrated plant file.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Write the answer as JSON here too.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// What is read from the runs.
+    #[arg(long, value_enum, default_value = "trajectory")]
+    method: Method,
+    /// A length of its own for each link; otherwise all but the last share one.
+    #[arg(long)]
+    each_length: bool,
+    /// Estimate masses too: nothing was weighed.
+    #[arg(long)]
+    masses: bool,
+}
+
+const TRAJECTORY: [Kind; 5] = [
+    Kind::meters("center_of_mass_m", "centre of mass"),
+    Kind::radians("base_angle_rad", "angle of the base"),
+    Kind::meters("end_effector_m", "end-effector"),
+    Kind::radians("end_effector_angle_rad", "its angle"),
+    Kind::plain("torque_impulse_N_m_s", "torque over two seconds", "N m s"),
+];
+const ATTITUDE: [Kind; 1] = [Kind::radians("base_angle_rad", "turn of the base after a maneuver")];
+const HELP: &str = "a dynamic calibration needs base_pose.csv and joints.csv (or a log of `fss run`) of an arm that moves while no valve is open";
+
+/// Runs the command.
+pub fn run(args: &DynamicArgs) -> Result<()> {
+    let plant = read_plant(&args.plant)?;
+    let measured = runs::read(&args.runs, &plant)?;
+    let (estimate, kinds) = match args.method {
+        Method::Trajectory => trajectory(args, &plant, &measured)?,
+        Method::Attitude => attitude(&plant, &measured)?,
+    };
+    answer::print(&estimate, kinds);
+    let text = plant_file::calibrated(&plant, &estimate).to_toml().into_diagnostic()?;
+    write(&args.out, &text)?;
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&answer::json("dynamic", &estimate, kinds)).into_diagnostic()?;
+        write(path, &text)?;
+    }
+    Ok(())
+}
+
+fn refused(error: &CalibrationError) -> Report {
+    miette!(help = HELP, "{error}")
+}
+
+fn trajectory(args: &DynamicArgs, plant: &Plant, runs: &[Run]) -> Result<(Estimate, &'static [Kind])> {
+    let model = plant.nominal().model().into_diagnostic()?;
+    let noise = [plant.sensors.mocap_position_m.max(1e-5), plant.sensors.mocap_angle_rad.max(1e-5)];
+    let choice = Choice { each_length: args.each_length, masses: args.masses };
+    let found = dynamic::calibrate(&model, runs, noise, choice).map_err(|e| refused(&e))?;
+    println!("{:.0} s without thrust", found.used_s);
+    for remark in &found.remarks {
+        println!("- {remark}");
+    }
+    Ok((found.estimate, &TRAJECTORY))
+}
+
+fn attitude(plant: &Plant, runs: &[Run]) -> Result<(Estimate, &'static [Kind])> {
+    let model = plant.nominal().model().into_diagnostic()?;
+    let (mut all, mut mixed) = (Vec::<Maneuver>::new(), 0);
+    for run in runs {
+        let (found, others) = attitude::maneuvers(run, plant.link_count());
+        all.extend(found);
+        mixed += others;
+    }
+    let noise_rad = plant.sensors.mocap_angle_rad.max(1e-5);
+    let estimate = attitude::calibrate(&model, &all, noise_rad, attitude::Choice::default()).map_err(|e| refused(&e))?;
+    println!("{} maneuvers of one joint from rest to rest", all.len());
+    if mixed > 0 {
+        println!("- {mixed} motions of several joints at once are left out: the method cannot use them");
+    }
+    println!("- centres of mass, masses and geometry are held as the plant file has them, and the interval takes them for exact");
+    if let Some(p) = estimate.parameters.first() {
+        println!("- the inertia is known to {:.1} percent", 100.0 * p.std / p.value.abs());
+    }
+    Ok((estimate, &ATTITUDE))
+}

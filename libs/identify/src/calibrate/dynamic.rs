@@ -1,0 +1,298 @@
+//! Dynamic calibration from whole trajectories: kinematic and dynamic parameters together.
+//!
+//! No thruster fires and the base floats, so that two things hold at every instant, not only at the end of a maneuver:
+//!
+//! - the centre of mass of base and arm drifts along a line: `r_base + R(theta) c(q; parameters)`;
+//! - the base turns with the arm: `theta = theta_0 + int (reaction_vector(q) . q' + L / H(q)) dt` (Umetani and Yoshida 1989).
+//!
+//! End-effector poses, where they were measured, hold the geometry, and torque sensors the equations of motion
+//! (`torque.rs`). Where the drift starts, and how the room pushes it, is a nuisance that a filter takes out
+//! (`drift.rs`); how strong the push is, the data say. All times stand at reports of the joints, where their angles are
+//! measured and not interpolated; motion capture is averaged around them.
+
+mod stretch;
+mod torque;
+
+use super::drift::{Interval, START, Whitener, likeliest_walk};
+use super::kinematic::{self, PLAUSIBLE_DELAY_S};
+use super::{CalibrationError, Estimate, Row, Unknown, solve};
+use crate::measured::Run;
+use fss_multibody::{Model, Parameter};
+use stretch::{Series, Stretch};
+
+/// What is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// A length of its own for each link; otherwise all but the last share one.
+    pub each_length: bool,
+    /// The masses too; otherwise they were weighed.
+    pub masses: bool,
+}
+
+/// What came out.
+#[derive(Clone, Debug)]
+pub struct Dynamic {
+    /// The parameters. Kinds of noise: centre of mass m, angle of the base rad, end-effector m and rad, torque impulse N m s.
+    pub estimate: Estimate,
+    /// What was held and what the data lack, a sentence each.
+    pub remarks: Vec<String>,
+    /// Time without thrust that was used, s.
+    pub used_s: f64,
+}
+
+/// Kinds of observation.
+const CENTER: usize = 0;
+const ANGLE: usize = 1;
+const TIP: usize = 2;
+const TIP_ANGLE: usize = 3;
+const TORQUE: usize = 4;
+/// Known no better than this, a parameter counts as not determined.
+const PLAUSIBLE_COM_M: f64 = 0.05;
+const PLAUSIBLE_INERTIA: f64 = 0.05;
+const PLAUSIBLE_BASE_INERTIA: f64 = 0.2;
+const PLAUSIBLE_MASS_KG: f64 = 1.0;
+const PLAUSIBLE_ACCELERATION: f64 = 0.01;
+/// Joints that move by less are at rest, rad.
+const AT_REST_RAD: f64 = 0.02;
+/// The nuisance's strength and the telemetry's delay are sought anew at most this often.
+const ROUNDS: usize = 4;
+
+/// Estimates geometry, centres of mass and inertias. `noise` is `[position m, angle rad]` of motion capture before the
+/// residuals tell.
+///
+/// # Errors
+/// [`CalibrationError`]: nothing to calibrate on, said in words, or an iteration that fails.
+pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 2], choice: Choice) -> Result<Dynamic, CalibrationError> {
+    let n = model.link_count();
+    refuse_impossible(model, runs)?;
+    let mut delay_s = 0.0;
+    let mut stretches = stretch::all(runs, n, delay_s);
+    if stretches.is_empty() {
+        let why = "no run has base poses and telemetry of all joints for 3 s without thrust: there is nothing to calibrate on";
+        return Err(CalibrationError::NoData(why.into()));
+    }
+    let resting = resting(&stretches, n);
+    if resting.len() == n {
+        let why = "no joint moves in these runs: what does not move says nothing about masses and inertias";
+        return Err(CalibrationError::NoData(why.into()));
+    }
+    let problem = Problem::new(model, choice, &stretches);
+    let mut remarks = problem.remarks(&resting, choice);
+    let mut unknowns = problem.unknowns();
+    let mut walks = [0.0; 2];
+    let mut best = None;
+    for _ in 0..ROUNDS {
+        let values: Vec<f64> = unknowns.iter().map(|u| u.value).collect();
+        let Some(whiteners) = problem.whiteners(&stretches, &values, walks) else { return Err(CalibrationError::Diverged) };
+        let rows = problem.rows(&stretches);
+        let kinds = [noise[0], noise[1], noise[0], noise[1], 0.02];
+        let estimate = solve(&unknowns, &rows, &kinds[..if problem.torque { 5 } else { 4 }], |values| {
+            problem.residuals(&stretches, &whiteners, values, delay_s)
+        })?;
+        for (unknown, value) in unknowns.iter_mut().zip(&estimate.values) {
+            unknown.value = *value;
+        }
+        let before = (walks, delay_s);
+        walks = problem.likeliest_walks(&stretches, &estimate.values, delay_s).ok_or(CalibrationError::Diverged)?;
+        delay_s = estimate.values[problem.delay];
+        best = Some(estimate);
+        if before.0 == walks && (before.1 - delay_s).abs() < 1e-3 {
+            break;
+        }
+        stretches = stretch::all(runs, n, delay_s);
+    }
+    let estimate = best.ok_or(CalibrationError::Diverged)?;
+    remarks.extend(estimate.undetermined.is_empty().then(|| "all parameters are seen".to_owned()));
+    Ok(Dynamic { estimate, remarks, used_s: stretches.iter().map(Stretch::duration_s).sum() })
+}
+
+fn refuse_impossible(model: &Model, runs: &[Run]) -> Result<(), CalibrationError> {
+    let refuse = |why: &str| Err(CalibrationError::NoData(why.into()));
+    if model.link_count() == 0 {
+        return refuse("the plant has no [[link]]: there is nothing to calibrate");
+    }
+    if model.base().clamped {
+        return refuse("the base is clamped: it cannot answer the arm, and its motion is what this calibration reads");
+    }
+    if runs.iter().all(|run| run.base_pose.is_none()) {
+        return refuse("no run has poses of the base: they are what this calibration reads");
+    }
+    if runs.iter().all(|run| run.joints.is_none()) {
+        return refuse("no run has telemetry of the joints");
+    }
+    Ok(())
+}
+
+/// Joints, from 1, that stand still in all stretches.
+fn resting(stretches: &[Stretch], links: usize) -> Vec<usize> {
+    let range = |i: usize| {
+        let all = || stretches.iter().flat_map(|s| s.q.iter().map(move |q| q[i]));
+        all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+    };
+    (0..links).filter(|i| range(*i) < AT_REST_RAD).map(|i| i + 1).collect()
+}
+
+/// The unknowns, where they stand among the values, and how they give residuals.
+struct Problem<'a> {
+    model: &'a Model,
+    parts: Vec<(Unknown, Vec<Parameter>)>,
+    /// Further unknowns: the telemetry's delay, the two accelerations of the table, then torque scale and bias of each joint.
+    delay: usize,
+    tips: bool,
+    torque: bool,
+    scales: bool,
+}
+
+/// Filters of a stretch: for the centre of mass, and for the angle.
+type Whiteners = Vec<[Whitener; 2]>;
+
+impl<'a> Problem<'a> {
+    fn new(model: &'a Model, choice: Choice, stretches: &[Stretch]) -> Self {
+        let n = model.link_count();
+        let tips = stretches.iter().any(|s| s.tip.iter().any(Option::is_some));
+        let mut parts = kinematic::unknowns(model, kinematic::Choice { each_length: choice.each_length });
+        if !tips {
+            parts.retain(|(unknown, _)| unknown.name.ends_with("_rad"));
+        }
+        let mut add = |name: String, plausible: f64, place: Parameter| {
+            let value = model.parameter(place).unwrap_or_default();
+            parts.push((Unknown { name, value, plausible }, vec![place]));
+        };
+        for i in 1..=n {
+            add(format!("link[{i}].com_to_next_joint_m"), PLAUSIBLE_COM_M, Parameter::ComToNextJoint(i));
+        }
+        for i in 1..=n {
+            add(format!("link[{i}].inertia_kg_m2"), PLAUSIBLE_INERTIA, Parameter::LinkInertia(i));
+        }
+        add("base.inertia_kg_m2".into(), PLAUSIBLE_BASE_INERTIA, Parameter::BaseInertia);
+        if choice.masses {
+            add("base.mass_kg".into(), PLAUSIBLE_MASS_KG, Parameter::BaseMass);
+            for i in 1..=n {
+                add(format!("link[{i}].mass_kg"), PLAUSIBLE_MASS_KG, Parameter::LinkMass(i));
+            }
+        }
+        let torque = stretches.iter().any(|s| !s.torque.is_empty());
+        Self { model, delay: parts.len(), parts, tips, torque, scales: torque && !choice.masses }
+    }
+
+    fn unknowns(&self) -> Vec<Unknown> {
+        let mut all: Vec<Unknown> = self.parts.iter().map(|(u, _)| u.clone()).collect();
+        let mut add = |name: String, value: f64, plausible: f64| all.push(Unknown { name, value, plausible });
+        add("telemetry_delay_s".into(), 0.0, PLAUSIBLE_DELAY_S);
+        let [x, y] = self.model.gravity_m_s2();
+        add("table.gravity_m_s2.x".into(), x, PLAUSIBLE_ACCELERATION);
+        add("table.gravity_m_s2.y".into(), y, PLAUSIBLE_ACCELERATION);
+        for i in 1..=self.model.link_count() {
+            if self.scales {
+                add(format!("link[{i}].torque_sensor_scale"), 1.0, 1.0);
+            }
+            if self.torque {
+                add(format!("link[{i}].torque_sensor_bias_N_m"), 0.0, 0.5);
+            }
+        }
+        all
+    }
+
+    fn remarks(&self, resting: &[usize], choice: Choice) -> Vec<String> {
+        let mut remarks = Vec::new();
+        for joint in resting {
+            remarks.push(format!(
+                "joint {joint} does not move: {} and link {joint} are one body to this data, and only their total is seen",
+                if *joint == 1 { "the base".to_owned() } else { format!("link {}", joint - 1) }
+            ));
+        }
+        if !self.tips {
+            remarks.push("no poses of the end-effector: link lengths and the first joint's place are held as the plant file has them, and the intervals take them for exact".into());
+        }
+        remarks.push(match (choice.masses, self.torque) {
+            (false, _) => "masses are held as the plant file has them (weighed)".into(),
+            (true, true) => "masses are estimated; their scale comes from the torque sensors alone, taken for right".into(),
+            (true, false) => "masses are estimated without torque sensors: motion alone shows their ratios only".into(),
+        });
+        remarks
+    }
+
+    fn model_at(&self, values: &[f64]) -> Option<Model> {
+        let changes = self.parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(|p| (*p, *v)));
+        self.model.with_parameters(changes).ok()
+    }
+
+    fn series(&self, stretch: &Stretch, model: &Model, values: &[f64], built_delay_s: f64) -> Series {
+        stretch.series(model, values[self.delay] - built_delay_s, [values[self.delay + 1], values[self.delay + 2]])
+    }
+
+    fn whiteners(&self, stretches: &[Stretch], values: &[f64], walks: [f64; 2]) -> Option<Whiteners> {
+        let model = self.model_at(values)?;
+        let of = |s: &Stretch| {
+            let (position, angle) = s.intervals(&model);
+            [Whitener::new(&s.variance, &position, walks[0]), Whitener::new(&s.variance, &angle, walks[1])]
+        };
+        Some(stretches.iter().map(of).collect())
+    }
+
+    fn likeliest_walks(&self, stretches: &[Stretch], values: &[f64], built_delay_s: f64) -> Option<[f64; 2]> {
+        let model = self.model_at(values)?;
+        let series: Vec<Series> = stretches.iter().map(|s| self.series(s, &model, values, built_delay_s)).collect();
+        let intervals: Vec<(Vec<Interval>, Vec<Interval>)> = stretches.iter().map(|s| s.intervals(&model)).collect();
+        let (mut centers, mut angles) = (Vec::new(), Vec::new());
+        for ((stretch, series), (position, angle)) in stretches.iter().zip(series).zip(&intervals) {
+            for axis in series.center {
+                centers.push((axis, &stretch.variance[..], &position[..]));
+            }
+            angles.push((series.angle, &stretch.variance[..], &angle[..]));
+        }
+        Some([likeliest_walk(&centers), likeliest_walk(&angles)])
+    }
+
+    /// The kind, instant and series of every residual, in the order of [`Problem::residuals`].
+    fn rows(&self, stretches: &[Stretch]) -> Vec<Row> {
+        let (mut rows, mut first) = (Vec::new(), 0);
+        for (number, stretch) in stretches.iter().enumerate() {
+            let series = 16 * number;
+            for instant in (first..first + stretch.len()).skip(START) {
+                rows.push(Row { kind: CENTER, instant, series });
+                rows.push(Row { kind: CENTER, instant, series: series + 1 });
+                rows.push(Row { kind: ANGLE, instant, series });
+            }
+            for (instant, _) in (first..).zip(&stretch.tip).filter(|(_, tip)| tip.is_some()) {
+                rows.push(Row { kind: TIP, instant, series });
+                rows.push(Row { kind: TIP, instant, series: series + 1 });
+                rows.push(Row { kind: TIP_ANGLE, instant, series });
+            }
+            first += stretch.len();
+            for joint in 0..self.model.link_count() {
+                for window in stretch.torque.iter().filter(|w| w.joint == joint) {
+                    rows.push(Row { kind: TORQUE, instant: first + window.first, series: series + joint });
+                }
+            }
+            first += stretch.len();
+        }
+        rows
+    }
+
+    fn residuals(&self, stretches: &[Stretch], white: &Whiteners, values: &[f64], built_s: f64) -> Option<Vec<f64>> {
+        let model = self.model_at(values)?;
+        let mut out = Vec::new();
+        for (stretch, [center, angle]) in stretches.iter().zip(white) {
+            let series = self.series(stretch, &model, values, built_s);
+            let [x, y] = series.center.map(|axis| center.apply(&axis));
+            let theta = angle.apply(&series.angle);
+            for k in START..stretch.len() {
+                out.extend([x[k], y[k], theta[k]]);
+            }
+            out.extend(series.tip.into_iter().flatten());
+            for joint in 0..self.model.link_count() {
+                let at = self.delay + 3 + if self.scales { 2 * joint } else { joint };
+                let (scale, bias) = match (self.scales, self.torque) {
+                    (true, _) => (values[at], values[at + 1]),
+                    (false, true) => (1.0, values[at]),
+                    (false, false) => continue,
+                };
+                for window in stretch.torque.iter().filter(|w| w.joint == joint) {
+                    out.push(window.measured - scale * stretch.impulse(&model, window) - bias * window.weight);
+                }
+            }
+        }
+        Some(out)
+    }
+}
