@@ -8,8 +8,8 @@ use crate::files::TextFile;
 use answer::{Kind, write};
 use clap::{Args, Subcommand};
 use dynamic::DynamicArgs;
-use fss_identify::calibrate::write as plant_file;
 use fss_identify::calibrate::kinematic::{self, Choice};
+use fss_identify::calibrate::write as plant_file;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result, miette};
 use std::path::{Path, PathBuf};
@@ -86,11 +86,7 @@ fn kinematic(args: &KinematicArgs) -> Result<()> {
     println!(
         "{} observations of the end-effector, {}",
         observations.len(),
-        if enough || args.still {
-            "still poses"
-        } else {
-            "in motion too"
-        }
+        if enough || args.still { "still poses" } else { "in motion too" }
     );
     answer::print(&estimate, &KINEMATIC);
     let text = plant_file::calibrated(&plant, &estimate).to_toml().into_diagnostic()?;

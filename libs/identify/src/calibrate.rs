@@ -10,7 +10,7 @@
 //!
 //! What is wrong with one telemetry report is wrong with all samples between it and its neighbours. The autocorrelation of
 //! the residuals tells by how much: `n` samples then count as `n / (1 + 2 sum of autocorrelations)`, the sum ended where
-//! pairs of neighbouring lags turn negative (Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992).
+//! pairs of neighbouring lags are no more than chance (after Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992).
 
 pub mod attitude;
 mod drift;
@@ -111,8 +111,11 @@ pub enum CalibrationError {
 }
 
 const MAX_ITERATIONS: usize = 60;
+/// Whether neighbours share errors is a matter of yes or no; after so many iterations the answer stays.
+const SETTLE_AFTER: usize = 3;
 
-
+/// Step of numerical derivatives, in what is plausible.
+const STEP: f64 = 1e-5;
 /// Autocorrelation is looked for in series of this many samples and more.
 const SHORTEST_SERIES: usize = 12;
 /// Residuals beyond this many standard deviations are outliers.
@@ -143,6 +146,8 @@ struct Fit<'a> {
     rows: &'a [Row],
     sensor_noise: &'a [f64],
     noise: Vec<f64>,
+    /// Samples that say as much as one without shared errors, by kind.
+    shared: Vec<f64>,
     values: Vec<f64>,
     rejected: Vec<usize>,
     /// Fewest degrees of freedom that a noise was estimated with; infinite while all are the sensors'.
@@ -176,6 +181,7 @@ impl<'a> Fit<'a> {
             rows,
             sensor_noise,
             noise: sensor_noise.to_vec(),
+            shared: vec![1.0; sensor_noise.len()],
             values: unknowns.iter().map(|u| u.value).collect(),
             rejected: Vec::new(),
             freedom: f64::INFINITY,
@@ -193,54 +199,74 @@ impl<'a> Fit<'a> {
         let (n, m) = (self.unknowns.len(), self.rows.len());
         // Rows of zeros below change nothing, and give the null space where there are fewer rows than unknowns.
         let mut jacobian = DMatrix::zeros(m.max(n), n);
-        let slope = |j: usize| {
-            let step = 1e-5 * self.unknowns[j].plausible;
+        let ahead = |j: usize| {
             let mut moved = self.values.clone();
-            moved[j] += step;
-            let ahead = at(&moved)?;
-            moved[j] -= 2.0 * step;
-            Ok((ahead, at(&moved)?))
+            moved[j] += STEP * self.unknowns[j].plausible;
+            at(&moved)
         };
-        let slopes: Vec<_> = (0..n).into_par_iter().map(slope).collect::<Result<_, CalibrationError>>()?;
+        let ahead: Vec<Vec<f64>> = (0..n).into_par_iter().map(ahead).collect::<Result<_, _>>()?;
         let weights: Vec<f64> = (0..m).map(|i| self.weight(i)).collect();
-        for (j, (ahead, behind)) in slopes.iter().enumerate() {
+        for (j, ahead) in ahead.iter().enumerate() {
             for i in 0..m {
-                // A step of 1e-5 of what is plausible, in units of what is plausible.
-                jacobian[(i, j)] = (behind[i] - ahead[i]) / 2e-5 * weights[i];
+                jacobian[(i, j)] = (residual[i] - ahead[i]) / STEP * weights[i];
             }
         }
-        let svd = jacobian.clone().svd(true, true);
-        let (Some(left), Some(right)) = (svd.u, svd.v_t) else { return Err(CalibrationError::Diverged) };
+        // The singular values of the small triangle are those of the tall matrix.
+        let svd = jacobian.clone().qr().r().svd(false, true);
+        let Some(right) = svd.v_t else { return Err(CalibrationError::Diverged) };
+        let mut left = &jacobian * right.transpose();
+        for (mut column, singular) in left.column_iter_mut().zip(&svd.singular_values) {
+            column /= singular.max(f64::MIN_POSITIVE);
+        }
         Ok(Linear { residual, jacobian, singular: svd.singular_values.as_slice().to_vec(), right, left })
     }
 
     fn converge(&mut self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<(), CalibrationError> {
-        for _ in 0..MAX_ITERATIONS {
+        for iteration in 0..MAX_ITERATIONS {
             let linear = self.linear(residuals)?;
             let mut weighted = DVector::zeros(linear.jacobian.nrows());
             for i in 0..self.rows.len() {
                 weighted[i] = linear.residual[i] * self.weight(i);
             }
-            let mut largest = 0.0_f64;
+            let mut step = vec![0.0; self.unknowns.len()];
             for k in (0..linear.singular.len()).filter(|k| linear.is_seen(*k)) {
                 let along = linear.left.column(k).dot(&weighted) / linear.singular[k];
-                for (j, unknown) in self.unknowns.iter().enumerate() {
-                    let step = along * linear.right[(k, j)];
-                    largest = largest.max(step.abs());
-                    self.values[j] += step * unknown.plausible;
-                }
+                step.iter_mut().enumerate().for_each(|(j, step)| *step += along * linear.right[(k, j)]);
             }
-            if !largest.is_finite() {
-                return Err(CalibrationError::Diverged);
-            }
+            let largest = self.go(&step, residuals)?;
             let before = self.noise.clone();
+            if iteration < SETTLE_AFTER {
+                self.shared = (0..self.noise.len()).map(|kind| self.samples_for_one(kind, &linear)).collect();
+            }
             self.noise = self.noise_of(&linear);
             let settled = before.iter().zip(&self.noise).all(|(a, b)| (a - b).abs() <= 1e-4 * a);
-            if largest < 1e-7 && settled {
+            if largest < 1e-7 && settled && iteration >= SETTLE_AFTER {
                 return Ok(());
             }
         }
         Err(CalibrationError::Diverged)
+    }
+
+    /// Goes a step, in units of what is plausible, or as much of it as leaves a possible mechanism (no inertia below zero);
+    /// returns the largest part of it.
+    fn go(&mut self, step: &[f64], residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<f64, CalibrationError> {
+        let mut share = 1.0;
+        loop {
+            let parts = self.values.iter().zip(self.unknowns).zip(step);
+            let values: Vec<f64> = parts.map(|((v, unknown), step)| v + share * step * unknown.plausible).collect();
+            let largest = share * step.iter().fold(0.0_f64, |most, part| most.max(part.abs()));
+            if !largest.is_finite() {
+                return Err(CalibrationError::Diverged);
+            }
+            if residuals(&values).is_some() {
+                self.values = values;
+                return Ok(largest);
+            }
+            if largest < 1e-7 {
+                return Ok(0.0);
+            }
+            share *= 0.5;
+        }
     }
 
     /// Noise of each kind from its residuals and what they kept of their degrees of freedom.
@@ -253,8 +279,8 @@ impl<'a> Fit<'a> {
             squares[row.kind] += linear.residual[i].powi(2);
             freedom[row.kind] += 1.0 - leverage;
         }
-        let shared: Vec<f64> = (0..squares.len()).map(|kind| self.samples_for_one(kind, linear)).collect();
-        let counted = freedom.iter().zip(&shared).filter(|(left, _)| **left >= 3.0);
+        let shared = &self.shared;
+        let counted = freedom.iter().zip(shared).filter(|(left, _)| **left >= 3.0);
         self.freedom = counted.map(|(left, shared)| left / shared).fold(f64::INFINITY, f64::min);
         let of = |kind: usize| {
             let floor = 1e-9 * self.sensor_noise[kind];
@@ -280,10 +306,12 @@ impl<'a> Fit<'a> {
         };
         let longest = series.values().map(|values| values.len() / 4).max().unwrap_or(0);
         let power = product(0);
+        // White noise has pairs of autocorrelations of about this size.
+        let chance = (2.0 / series.values().map(Vec::len).sum::<usize>().max(1) as f64).sqrt();
         let mut sum = 0.0;
         for lag in (1..longest).step_by(2) {
             let pair = (product(lag) + product(lag + 1)) / power;
-            if pair.is_nan() || pair <= 0.0 {
+            if pair.is_nan() || pair <= chance {
                 break;
             }
             sum += pair;
@@ -292,7 +320,10 @@ impl<'a> Fit<'a> {
     }
 
     /// Rejects instants far off, by a scale that outliers do not widen; at most a fifth of all.
-    fn reject_outliers(&mut self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<bool, CalibrationError> {
+    fn reject_outliers(
+        &mut self,
+        residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync),
+    ) -> Result<bool, CalibrationError> {
         let residual = residuals(&self.values).ok_or(CalibrationError::Diverged)?;
         let mut worst: Vec<(f64, usize)> = Vec::new();
         for kind in 0..self.noise.len() {
@@ -346,7 +377,7 @@ impl<'a> Fit<'a> {
         });
         Ok(Estimate {
             parameters,
-            undetermined: hidden.iter().map(|k| in_words(self.unknowns, &linear.right, *k)).collect(),
+            undetermined: in_words(self.unknowns, &linear.right, &hidden),
             undetermined_parameters: unseen,
             rank,
             unknowns: n,

@@ -47,11 +47,12 @@ pub struct DynamicArgs {
     masses: bool,
 }
 
+const OF_NOISE: &str = "times the sensors' noise";
 const TRAJECTORY: [Kind; 5] = [
-    Kind::meters("center_of_mass_m", "centre of mass"),
-    Kind::radians("base_angle_rad", "angle of the base"),
-    Kind::meters("end_effector_m", "end-effector"),
-    Kind::radians("end_effector_angle_rad", "its angle"),
+    Kind::plain("center_of_mass_ratio", "centre of mass", OF_NOISE),
+    Kind::plain("base_angle_ratio", "angle of the base", OF_NOISE),
+    Kind::plain("end_effector_ratio", "end-effector", OF_NOISE),
+    Kind::plain("end_effector_angle_ratio", "its angle", OF_NOISE),
     Kind::plain("torque_impulse_N_m_s", "torque over two seconds", "N m s"),
 ];
 const ATTITUDE: [Kind; 1] = [Kind::radians("base_angle_rad", "turn of the base after a maneuver")];
@@ -81,7 +82,8 @@ fn refused(error: &CalibrationError) -> Report {
 
 fn trajectory(args: &DynamicArgs, plant: &Plant, runs: &[Run]) -> Result<(Estimate, &'static [Kind])> {
     let model = plant.nominal().model().into_diagnostic()?;
-    let noise = [plant.sensors.mocap_position_m.max(1e-5), plant.sensors.mocap_angle_rad.max(1e-5)];
+    let sensors = &plant.sensors;
+    let noise = [sensors.mocap_position_m, sensors.mocap_angle_rad, sensors.encoder_rad].map(|sd| sd.max(1e-5));
     let choice = Choice { each_length: args.each_length, masses: args.masses };
     let found = dynamic::calibrate(&model, runs, noise, choice).map_err(|e| refused(&e))?;
     println!("{:.0} s without thrust", found.used_s);
@@ -100,12 +102,15 @@ fn attitude(plant: &Plant, runs: &[Run]) -> Result<(Estimate, &'static [Kind])> 
         mixed += others;
     }
     let noise_rad = plant.sensors.mocap_angle_rad.max(1e-5);
-    let estimate = attitude::calibrate(&model, &all, noise_rad, attitude::Choice::default()).map_err(|e| refused(&e))?;
+    let estimate =
+        attitude::calibrate(&model, &all, noise_rad, attitude::Choice::default()).map_err(|e| refused(&e))?;
     println!("{} maneuvers of one joint from rest to rest", all.len());
     if mixed > 0 {
         println!("- {mixed} motions of several joints at once are left out: the method cannot use them");
     }
-    println!("- centres of mass, masses and geometry are held as the plant file has them, and the interval takes them for exact");
+    println!(
+        "- centres of mass, masses and geometry are held as the plant file has them, and the interval takes them for exact"
+    );
     if let Some(p) = estimate.parameters.first() {
         println!("- the inertia is known to {:.1} percent", 100.0 * p.std / p.value.abs());
     }

@@ -29,8 +29,10 @@ pub struct Choice {
     pub centers: bool,
 }
 
-const PLAUSIBLE_INERTIA: f64 = 0.1;
+const PLAUSIBLE_INERTIA: f64 = 0.3;
 const PLAUSIBLE_COM_M: f64 = 0.05;
+/// Below this the turn is taken for linear in the inertia, kg m^2.
+const SMALL_INERTIA: f64 = 0.002;
 /// A joint slower than this stands still, rad/s.
 const STILL_RAD_S: f64 = 0.02;
 /// The joint that moves moves at least this far, the others less than a tenth of it, rad.
@@ -68,7 +70,8 @@ pub fn maneuvers(run: &Run, links: usize) -> (Vec<Maneuver>, usize) {
             mixed += 1;
             continue;
         }
-        let turn = pose_at(poses, known[before].0).zip(pose_at(poses, known[after].0)).map(|((a, _), (b, _))| b[2] - a[2]);
+        let turn =
+            pose_at(poses, known[before].0).zip(pose_at(poses, known[after].0)).map(|((a, _), (b, _))| b[2] - a[2]);
         if let Some(turn_rad) = turn {
             all.push(Maneuver { joint, from_rad: from.clone(), to_rad: to.clone(), turn_rad });
         }
@@ -126,8 +129,19 @@ pub fn calibrate(
     let unknowns: Vec<Unknown> = parts.iter().map(|(u, _)| u.clone()).collect();
     let rows: Vec<Row> = (0..maneuvers.len()).map(|k| Row { kind: 0, instant: k, series: k }).collect();
     solve(&unknowns, &rows, &[noise_rad * 2_f64.sqrt()], |values| {
-        let changes = parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(|p| (*p, *v)));
-        let model = model.with_parameters(changes).ok()?;
-        Some(maneuvers.iter().map(|m| m.turn_rad - turn(&model, m)).collect())
+        let at = |inertia: f64| {
+            let values = std::iter::once(inertia).chain(values.iter().skip(1).copied());
+            let changes = parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(move |p| (*p, v)));
+            model.with_parameters(changes).ok()
+        };
+        // Noise may ask for less than no inertia. The turn is nearly linear in it: go on along the tangent.
+        let inside = at(values[0].max(SMALL_INERTIA))?;
+        let beyond = (values[0] - SMALL_INERTIA).min(0.0);
+        let ahead = at(2.0 * SMALL_INERTIA)?;
+        let predicted = |m: &Maneuver| {
+            let here = turn(&inside, m);
+            if beyond == 0.0 { here } else { here + (turn(&ahead, m) - here) / SMALL_INERTIA * beyond }
+        };
+        Some(maneuvers.iter().map(|m| m.turn_rad - predicted(m)).collect())
     })
 }

@@ -1,101 +1,144 @@
 //! Nuisance drift: where a free body is after white noise has pushed it for a while.
 //!
 //! Room air, a sloping table and the momentum at the start move the whole system in ways that no parameter of the arm
-//! explains. The drift is a process with state `(value, momentum)`: the momentum makes a random walk, the value integrates it,
-//! and both start anywhere. Its Kalman filter turns a series into innovations that are white where the series is that drift
-//! and white noise (Kalman, 1960; the likelihood of the innovations: Schweppe, 1965). The filter's gains do not depend on
-//! the data, so that residuals pass through it as linearly as through a weight.
+//! explains. Place of the centre of mass and angle of the base integrate momenta, the momenta make random walks, and all
+//! start anywhere. The Kalman filter of this drift turns a series into innovations that are white where the series is drift
+//! and white noise (Kalman, 1960; the likelihood of the innovations: Schweppe, 1965). Its gains do not depend on the
+//! data, so that residuals pass through it as linearly as through a weight.
+
+use nalgebra::{Matrix3, Matrix6, Matrix6x3, Vector3, Vector6};
 
 /// From one instant of a series to the next.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval {
     /// Time, s.
     pub(super) duration_s: f64,
-    /// Change of the value per momentum.
-    pub(super) gain: f64,
+    /// Turn of the base per angular momentum, 1/(N m).
+    pub(super) turn_per_momentum: f64,
 }
 
-/// A filter for one series.
+impl Interval {
+    /// Change of x, y and angle per momentum; linear momentum in units of the whole mass.
+    fn gains(&self) -> [f64; 3] {
+        [self.duration_s, self.duration_s, self.turn_per_momentum]
+    }
+}
+
+/// A filter for the series of one stretch.
 #[derive(Clone, Debug)]
 pub(super) struct Whitener {
     steps: Vec<Step>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Step {
-    gain: f64,
-    update: [f64; 2],
-    /// Standard deviation of the innovation over that of the white noise of one sample.
-    deviation: f64,
+    gains: [f64; 3],
+    update: Matrix6x3<f64>,
+    /// Inverse of the Cholesky factor of the innovation's covariance.
+    whiten: Matrix3<f64>,
+    log_variance: f64,
 }
 
 /// The first innovations only find out where the drift starts.
 pub(super) const START: usize = 2;
-/// Variance of the start over that of the noise, in units of the value.
+/// Variance of the start over that of the noise.
 const ANYWHERE: f64 = 1e7;
 
 impl Whitener {
-    /// `variance` of each sample's noise over that of the series, the intervals between them, and the variance by which the
-    /// momentum grows in a second, over that of the noise.
-    pub(super) fn new(variance: &[f64], intervals: &[Interval], walk: f64) -> Self {
-        // In units of time the momentum may be anything that moves the value by as much as it may be off at the start.
-        let span: f64 = intervals.iter().map(|i| i.gain).sum::<f64>().max(1e-9);
-        let (mut p, mut steps) = ([ANYWHERE, 0.0, 100.0 * ANYWHERE / (span * span)], Vec::with_capacity(variance.len()));
-        for (k, noise) in variance.iter().enumerate() {
-            let (mut g, mut q) = (0.0, 0.0);
-            if let Some(interval) = k.checked_sub(1).and_then(|before| intervals.get(before)) {
-                (g, q) = (interval.gain, walk * interval.duration_s);
+    /// `noise` is the covariance of each sample: x, y, angle. `walks` are the variances by which linear and angular momentum
+    /// grow in a second, over the mean variances of place and angle.
+    pub(super) fn new(noise: &[Matrix3<f64>], intervals: &[Interval], walks: [f64; 2]) -> Self {
+        let mean: Matrix3<f64> = noise.iter().sum::<Matrix3<f64>>() / noise.len().max(1) as f64;
+        let unit = [0, 1, 2].map(|c| mean[(c, c)]);
+        let walk = [0, 1, 2].map(|c| unit[c] * walks[usize::from(c == 2)]);
+        let mut p = Matrix6::zeros();
+        for c in 0..3 {
+            // Momentum that moves the value ten times as far as it may be off at the start.
+            let span: f64 = intervals.iter().map(|i| i.gains()[c]).sum::<f64>().max(1e-9);
+            p[(c, c)] = ANYWHERE * unit[c];
+            p[(3 + c, 3 + c)] = 100.0 * ANYWHERE * unit[c] / (span * span);
+        }
+        let mut steps = Vec::with_capacity(noise.len());
+        for (k, r) in noise.iter().enumerate() {
+            let interval = k.checked_sub(1).and_then(|before| intervals.get(before));
+            let gains = interval.map_or([0.0; 3], Interval::gains);
+            if let Some(interval) = interval {
+                let mut f = Matrix6::identity();
+                (0..3).for_each(|c| f[(c, 3 + c)] = gains[c]);
+                p = f * p * f.transpose();
+                for c in 0..3 {
+                    let (g, q) = (gains[c], walk[c] * interval.duration_s);
+                    p[(c, c)] += q * g * g / 3.0;
+                    p[(c, 3 + c)] += q * g / 2.0;
+                    p[(3 + c, c)] += q * g / 2.0;
+                    p[(3 + c, 3 + c)] += q;
+                }
             }
-            let [a, b, c] = p;
-            let (a, b, c) = (a + 2.0 * g * b + g * g * c + q * g * g / 3.0, b + g * c + q * g / 2.0, c + q);
-            let s = a + noise;
-            let update = [a / s, b / s];
-            steps.push(Step { gain: g, update, deviation: s.sqrt() });
-            p = [a * noise / s, b * noise / s, c - b * b / s];
+            let seen: Matrix6x3<f64> = p.fixed_columns::<3>(0).into_owned();
+            let s: Matrix3<f64> = seen.fixed_rows::<3>(0) + r;
+            let (inverse, whiten, log_variance) = match s.cholesky() {
+                Some(c) => (c.inverse(), c.l().try_inverse().unwrap_or_default(), c.determinant().ln()),
+                None => (Matrix3::zeros(), Matrix3::zeros(), 0.0),
+            };
+            let update = seen * inverse;
+            p -= update * seen.transpose();
+            p = 0.5 * (p + p.transpose());
+            steps.push(Step { gains, update, whiten, log_variance });
         }
         Self { steps }
     }
 
-    /// Innovations, each over its standard deviation: white with the noise's variance. The first [`START`] are zero.
-    pub(super) fn apply(&self, series: &[f64]) -> Vec<f64> {
+    /// Innovations of variance one without correlation. The first [`START`] are zero.
+    pub(super) fn apply(&self, series: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         // Counted from the first sample, far less is lost to rounding.
-        let origin = series.first().copied().unwrap_or(0.0);
-        let (mut value, mut momentum) = (0.0, 0.0);
-        let mut out = Vec::with_capacity(series.len());
-        for (k, (step, sample)) in self.steps.iter().zip(series).enumerate() {
-            value += step.gain * momentum;
-            let innovation = sample - origin - value;
-            value += step.update[0] * innovation;
-            momentum += step.update[1] * innovation;
-            out.push(if k < START { 0.0 } else { innovation / step.deviation });
-        }
-        out
+        let origin = series.first().copied().unwrap_or_default();
+        let mut state = Vector6::zeros();
+        let step = |(k, (step, sample)): (usize, (&Step, &Vector3<f64>))| {
+            for c in 0..3 {
+                state[c] += step.gains[c] * state[3 + c];
+            }
+            let innovation = sample - origin - state.fixed_rows::<3>(0);
+            state += step.update * innovation;
+            if k < START { Vector3::zeros() } else { step.whiten * innovation }
+        };
+        self.steps.iter().zip(series).enumerate().map(step).collect()
     }
 
-    /// Sum of the logarithms of the innovations' variances.
-    pub(super) fn log_variance(&self) -> f64 {
-        self.steps.iter().skip(START).map(|step| 2.0 * step.deviation.ln()).sum()
+    /// Sum of the logarithms of the determinants of the innovations' covariances.
+    fn log_variance(&self) -> f64 {
+        self.steps.iter().skip(START).map(|step| step.log_variance).sum()
     }
 }
 
-/// The walk that explains several series best, out of a grid: variance of momentum per second over that of the noise.
-pub(super) fn likeliest_walk(series: &[(Vec<f64>, &[f64], &[Interval])]) -> f64 {
-    let cost = |walk: f64| {
+/// The series of one stretch with all that its filter needs.
+pub(super) struct Drifting<'a> {
+    pub(super) series: &'a [Vector3<f64>],
+    pub(super) noise: &'a [Matrix3<f64>],
+    pub(super) intervals: &'a [Interval],
+}
+
+/// The walks that explain the series best, each out of a grid.
+pub(super) fn likeliest_walks(all: &[Drifting]) -> [f64; 2] {
+    let cost = |walks: [f64; 2]| {
         let (mut squares, mut logs, mut count) = (0.0, 0.0, 0);
-        for (values, variance, intervals) in series {
-            let whitener = Whitener::new(variance, intervals, walk);
-            squares += whitener.apply(values).iter().map(|v| v * v).sum::<f64>();
+        for one in all {
+            let whitener = Whitener::new(one.noise, one.intervals, walks);
+            squares += whitener.apply(one.series).iter().map(Vector3::norm_squared).sum::<f64>();
             logs += whitener.log_variance();
-            count += values.len().saturating_sub(START);
+            count += 3 * one.series.len().saturating_sub(START);
         }
         logs + count as f64 * (squares.max(1e-300) / count.max(1) as f64).ln()
     };
-    let grid = (-16..=12).map(|k| 10_f64.powf(0.5 * f64::from(k)));
-    let mut best = (0.0, cost(0.0));
-    for walk in grid {
-        let c = cost(walk);
-        if c < best.1 {
-            best = (walk, c);
+    let mut best = ([0.0; 2], cost([0.0; 2]));
+    // One after the other: place and angle drift apart from each other.
+    for which in [0, 1, 0] {
+        for k in -14..=8 {
+            let mut walks = best.0;
+            walks[which] = 10_f64.powf(0.5 * f64::from(k));
+            let c = cost(walks);
+            if c < best.1 {
+                best = (walks, c);
+            }
         }
     }
     best.0

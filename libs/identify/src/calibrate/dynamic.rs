@@ -10,14 +10,17 @@
 //! (`drift.rs`); how strong the push is, the data say. All times stand at reports of the joints, where their angles are
 //! measured and not interpolated; motion capture is averaged around them.
 
+mod noise;
 mod stretch;
 mod torque;
 
-use super::drift::{Interval, START, Whitener, likeliest_walk};
+use super::drift::{Drifting, Interval, START, Whitener, likeliest_walks};
 use super::kinematic::{self, PLAUSIBLE_DELAY_S};
 use super::{CalibrationError, Estimate, Row, Unknown, solve};
 use crate::measured::Run;
 use fss_multibody::{Model, Parameter};
+use nalgebra::Matrix3;
+use noise::Noise;
 use stretch::{Series, Stretch};
 
 /// What is estimated.
@@ -32,7 +35,8 @@ pub struct Choice {
 /// What came out.
 #[derive(Clone, Debug)]
 pub struct Dynamic {
-    /// The parameters. Kinds of noise: centre of mass m, angle of the base rad, end-effector m and rad, torque impulse N m s.
+    /// The parameters. Kinds of noise: centre of mass, angle of the base, position and angle of the end-effector, each over
+    /// what the sensors' noise gives; torque impulse, N m s.
     pub estimate: Estimate,
     /// What was held and what the data lack, a sentence each.
     pub remarks: Vec<String>,
@@ -57,14 +61,15 @@ const AT_REST_RAD: f64 = 0.02;
 /// The nuisance's strength and the telemetry's delay are sought anew at most this often.
 const ROUNDS: usize = 4;
 
-/// Estimates geometry, centres of mass and inertias. `noise` is `[position m, angle rad]` of motion capture before the
-/// residuals tell.
+/// Estimates geometry, centres of mass and inertias. `noise` is `[position m, angle rad, encoder rad]`: that of motion capture
+/// counts where its samples are too rare to tell themselves.
 ///
 /// # Errors
 /// [`CalibrationError`]: nothing to calibrate on, said in words, or an iteration that fails.
-pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 2], choice: Choice) -> Result<Dynamic, CalibrationError> {
+pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -> Result<Dynamic, CalibrationError> {
     let n = model.link_count();
     refuse_impossible(model, runs)?;
+    let noise = Noise::of(runs, noise);
     let mut delay_s = 0.0;
     let mut stretches = stretch::all(runs, n, delay_s);
     if stretches.is_empty() {
@@ -83,9 +88,11 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 2], choice: Choice) -
     let mut best = None;
     for _ in 0..ROUNDS {
         let values: Vec<f64> = unknowns.iter().map(|u| u.value).collect();
-        let Some(whiteners) = problem.whiteners(&stretches, &values, walks) else { return Err(CalibrationError::Diverged) };
+        let believed = problem.model_at(&values).ok_or(CalibrationError::Diverged)?;
+        stretches.iter_mut().for_each(|s| s.prepare(&believed, noise));
+        let whiteners: Vec<Whitener> = stretches.iter().map(|s| s.whitener(&believed, walks)).collect();
         let rows = problem.rows(&stretches);
-        let kinds = [noise[0], noise[1], noise[0], noise[1], 0.02];
+        let kinds = [1.0, 1.0, 1.0, 1.0, 0.02];
         let estimate = solve(&unknowns, &rows, &kinds[..if problem.torque { 5 } else { 4 }], |values| {
             problem.residuals(&stretches, &whiteners, values, delay_s)
         })?;
@@ -143,9 +150,6 @@ struct Problem<'a> {
     scales: bool,
 }
 
-/// Filters of a stretch: for the centre of mass, and for the angle.
-type Whiteners = Vec<[Whitener; 2]>;
-
 impl<'a> Problem<'a> {
     fn new(model: &'a Model, choice: Choice, stretches: &[Stretch]) -> Self {
         let n = model.link_count();
@@ -197,7 +201,7 @@ impl<'a> Problem<'a> {
         let mut remarks = Vec::new();
         for joint in resting {
             remarks.push(format!(
-                "joint {joint} does not move: {} and link {joint} are one body to this data, and only their total is seen",
+                "joint {joint} does not move: {} and link {joint} turn the base as one body, only their total is seen in motion",
                 if *joint == 1 { "the base".to_owned() } else { format!("link {}", joint - 1) }
             ));
         }
@@ -206,7 +210,9 @@ impl<'a> Problem<'a> {
         }
         remarks.push(match (choice.masses, self.torque) {
             (false, _) => "masses are held as the plant file has them (weighed)".into(),
-            (true, true) => "masses are estimated; their scale comes from the torque sensors alone, taken for right".into(),
+            (true, true) => {
+                "masses are estimated; their scale comes from the torque sensors alone, taken for right".into()
+            }
             (true, false) => "masses are estimated without torque sensors: motion alone shows their ratios only".into(),
         });
         remarks
@@ -217,31 +223,30 @@ impl<'a> Problem<'a> {
         self.model.with_parameters(changes).ok()
     }
 
-    fn series(&self, stretch: &Stretch, model: &Model, values: &[f64], built_delay_s: f64) -> Series {
-        stretch.series(model, values[self.delay] - built_delay_s, [values[self.delay + 1], values[self.delay + 2]])
+    /// Scale and bias of a torque sensor.
+    fn sensor(&self, values: &[f64], joint: usize) -> (f64, f64) {
+        let first = self.delay + 3;
+        if self.scales {
+            (values[first + 2 * joint], values[first + 2 * joint + 1])
+        } else {
+            (1.0, values[first + joint])
+        }
     }
 
-    fn whiteners(&self, stretches: &[Stretch], values: &[f64], walks: [f64; 2]) -> Option<Whiteners> {
-        let model = self.model_at(values)?;
-        let of = |s: &Stretch| {
-            let (position, angle) = s.intervals(&model);
-            [Whitener::new(&s.variance, &position, walks[0]), Whitener::new(&s.variance, &angle, walks[1])]
-        };
-        Some(stretches.iter().map(of).collect())
+    fn series(&self, stretch: &Stretch, model: &Model, values: &[f64], built_delay_s: f64) -> Series {
+        stretch.series(model, values[self.delay] - built_delay_s, [values[self.delay + 1], values[self.delay + 2]])
     }
 
     fn likeliest_walks(&self, stretches: &[Stretch], values: &[f64], built_delay_s: f64) -> Option<[f64; 2]> {
         let model = self.model_at(values)?;
         let series: Vec<Series> = stretches.iter().map(|s| self.series(s, &model, values, built_delay_s)).collect();
-        let intervals: Vec<(Vec<Interval>, Vec<Interval>)> = stretches.iter().map(|s| s.intervals(&model)).collect();
-        let (mut centers, mut angles) = (Vec::new(), Vec::new());
-        for ((stretch, series), (position, angle)) in stretches.iter().zip(series).zip(&intervals) {
-            for axis in series.center {
-                centers.push((axis, &stretch.variance[..], &position[..]));
-            }
-            angles.push((series.angle, &stretch.variance[..], &angle[..]));
-        }
-        Some([likeliest_walk(&centers), likeliest_walk(&angles)])
+        let noise: Vec<Vec<Matrix3<f64>>> =
+            stretches.iter().map(|s| s.mixing.iter().map(|mixing| mixing.rest).collect()).collect();
+        let intervals: Vec<Vec<Interval>> = stretches.iter().map(|s| s.intervals(&model)).collect();
+        let all: Vec<Drifting> = (0..stretches.len())
+            .map(|i| Drifting { series: &series[i].drifting, noise: &noise[i], intervals: &intervals[i] })
+            .collect();
+        Some(likeliest_walks(&all))
     }
 
     /// The kind, instant and series of every residual, in the order of [`Problem::residuals`].
@@ -249,47 +254,42 @@ impl<'a> Problem<'a> {
         let (mut rows, mut first) = (Vec::new(), 0);
         for (number, stretch) in stretches.iter().enumerate() {
             let series = 16 * number;
-            for instant in (first..first + stretch.len()).skip(START) {
-                rows.push(Row { kind: CENTER, instant, series });
-                rows.push(Row { kind: CENTER, instant, series: series + 1 });
-                rows.push(Row { kind: ANGLE, instant, series });
-            }
-            for (instant, _) in (first..).zip(&stretch.tip).filter(|(_, tip)| tip.is_some()) {
-                rows.push(Row { kind: TIP, instant, series });
-                rows.push(Row { kind: TIP, instant, series: series + 1 });
-                rows.push(Row { kind: TIP_ANGLE, instant, series });
+            for (k, tip) in stretch.tip.iter().enumerate() {
+                let instant = first + k;
+                let mut add = |kinds: [(usize, usize); 3]| {
+                    rows.extend(kinds.map(|(kind, axis)| Row { kind, instant, series: series + axis }));
+                };
+                if k >= START {
+                    add([(CENTER, 0), (CENTER, 1), (ANGLE, 0)]);
+                }
+                if tip.is_some() {
+                    add([(TIP, 0), (TIP, 1), (TIP_ANGLE, 0)]);
+                }
             }
             first += stretch.len();
-            for joint in 0..self.model.link_count() {
-                for window in stretch.torque.iter().filter(|w| w.joint == joint) {
-                    rows.push(Row { kind: TORQUE, instant: first + window.first, series: series + joint });
-                }
+            for window in &stretch.torque {
+                let instant = first + window.first;
+                rows.extend((0..self.model.link_count()).map(|i| Row { kind: TORQUE, instant, series: series + i }));
             }
             first += stretch.len();
         }
         rows
     }
 
-    fn residuals(&self, stretches: &[Stretch], white: &Whiteners, values: &[f64], built_s: f64) -> Option<Vec<f64>> {
+    fn residuals(&self, stretches: &[Stretch], white: &[Whitener], values: &[f64], built_s: f64) -> Option<Vec<f64>> {
         let model = self.model_at(values)?;
         let mut out = Vec::new();
-        for (stretch, [center, angle]) in stretches.iter().zip(white) {
+        for (stretch, white) in stretches.iter().zip(white) {
             let series = self.series(stretch, &model, values, built_s);
-            let [x, y] = series.center.map(|axis| center.apply(&axis));
-            let theta = angle.apply(&series.angle);
-            for k in START..stretch.len() {
-                out.extend([x[k], y[k], theta[k]]);
+            for (k, (drifting, tip)) in white.apply(&series.drifting).iter().zip(&series.tip).enumerate() {
+                out.extend(drifting.iter().take(if k < START { 0 } else { 3 }));
+                out.extend(tip.iter().flatten());
             }
-            out.extend(series.tip.into_iter().flatten());
-            for joint in 0..self.model.link_count() {
-                let at = self.delay + 3 + if self.scales { 2 * joint } else { joint };
-                let (scale, bias) = match (self.scales, self.torque) {
-                    (true, _) => (values[at], values[at + 1]),
-                    (false, true) => (1.0, values[at]),
-                    (false, false) => continue,
-                };
-                for window in stretch.torque.iter().filter(|w| w.joint == joint) {
-                    out.push(window.measured - scale * stretch.impulse(&model, window) - bias * window.weight);
+            for window in &stretch.torque {
+                let impulses = stretch.impulses(&model, window);
+                for (joint, measured) in window.measured.iter().enumerate() {
+                    let (scale, bias) = self.sensor(values, joint);
+                    out.push(measured - scale * impulses[joint] - bias * window.weight);
                 }
             }
         }

@@ -94,7 +94,11 @@ pub fn calibrate(
         .flat_map(|(instant, o)| {
             let still = if o.is_still() { 0 } else { 2 };
             let series = if still == 0 { 4 + instant } else { 0 };
-            [(still, series), (still, series + 1), (still + 1, series)].map(|(kind, series)| Row { kind, instant, series })
+            [(still, series), (still, series + 1), (still + 1, series)].map(|(kind, series)| Row {
+                kind,
+                instant,
+                series,
+            })
         })
         .collect();
     let kinds = [noise[0], noise[1], noise[0], noise[1]];

@@ -1,11 +1,12 @@
 //! A time without thrust: what was measured at the reports of the joints, and what a model makes of it.
 
+use super::noise::{Mixing, Noise};
 use super::torque::{Window, windows};
-use crate::calibrate::drift::Interval;
+use crate::calibrate::drift::{Interval, Whitener};
 use crate::calibrate::motion::{Tracks, pose_at, seen_from, wrapped};
 use crate::measured::Run;
 use fss_multibody::{Coordinates, JointVector, Model, State};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Steps of the integral between two instants; even, for Simpson's rule.
 const SUBSTEPS: usize = 4;
@@ -32,19 +33,20 @@ pub(super) struct Stretch {
     /// End-effector seen from the base.
     pub(super) tip: Vec<Option<[f64; 3]>>,
     /// Variance of the poses' noise over that of one sample.
-    pub(super) variance: Vec<f64>,
+    variance: Vec<f64>,
+    /// How noise enters the residuals, one an instant.
+    pub(super) mixing: Vec<Mixing>,
     /// Where torques were measured.
     pub(super) torque: Vec<Window>,
 }
 
 /// What a model makes of a stretch.
 pub(super) struct Series {
-    /// Where the centre of mass is by model and measured pose, x and y, m: a line but for the drift.
-    pub(super) center: [Vec<f64>; 2],
-    /// Angle of the base as measured less as turned by the arm, rad: constant but for the drift.
-    pub(super) angle: Vec<f64>,
-    /// End-effector as measured less as predicted, m and rad.
-    pub(super) tip: Vec<[f64; 3]>,
+    /// Where the centre of mass is by model and measured pose, x and y, m, and the angle of the base as measured less as turned
+    /// by the arm, rad; what the end-effector tells of their noise is taken off. Constant but for the drift.
+    pub(super) drifting: Vec<Vector3<f64>>,
+    /// End-effector as measured less as predicted, over its noise.
+    pub(super) tip: Vec<Option<[f64; 3]>>,
 }
 
 /// The stretches of all runs, telemetry moved by `delay_s`.
@@ -93,11 +95,14 @@ impl Stretch {
             base: Vec::new(),
             tip: Vec::new(),
             variance: Vec::new(),
+            mixing: Vec::new(),
             torque: Vec::new(),
         };
         // The first and the last instants lack neighbours for averages and differences.
         for &t_s in times {
-            let (Some((base, variance)), Some(_)) = (pose_at(poses, t_s), joints(tracks, t_s + delay_s)) else { continue };
+            let (Some((base, variance)), Some(_)) = (pose_at(poses, t_s), joints(tracks, t_s + delay_s)) else {
+                continue;
+            };
             if s.t_s.last().is_some_and(|last| t_s - last > LONGEST_GAP_S) {
                 break;
             }
@@ -109,7 +114,8 @@ impl Stretch {
             }
             s.push(joints(tracks, t_s + delay_s)?);
             s.t_s.push(t_s);
-            let turn = s.base.last().map_or(0.0, |before: &[f64; 3]| before[2] + wrapped(base[2] - before[2]) - base[2]);
+            let turn =
+                s.base.last().map_or(0.0, |before: &[f64; 3]| before[2] + wrapped(base[2] - before[2]) - base[2]);
             s.base.push([base[0], base[1], base[2] + turn]);
             s.variance.push(variance);
             let tip = run.ee_pose.as_ref().and_then(|poses| pose_at(poses, t_s));
@@ -141,81 +147,108 @@ impl Stretch {
     /// What the model makes of it, telemetry moved by `shift_s` more, the table's acceleration `tilt`.
     pub(super) fn series(&self, model: &Model, shift_s: f64, tilt: [f64; 2]) -> Series {
         let count = self.len();
-        let mut out = Series {
-            center: [Vec::with_capacity(count), Vec::with_capacity(count)],
-            angle: Vec::with_capacity(count),
-            tip: Vec::with_capacity(count),
-        };
+        let mut out = Series { drifting: Vec::with_capacity(count), tip: Vec::with_capacity(count) };
         let mut turned = 0.0;
         for k in 0..count {
             if k > 0 {
-                let step = (self.t_s[k] - self.t_s[k - 1]) / SUBSTEPS as f64;
-                turned += simpson(step, |j| {
-                    let (q, qd) = self.joints((k - 1) * SUBSTEPS + j, shift_s);
-                    model.reaction_vector(&coordinates([0.0; 3], &q)).dot(&qd)
-                });
+                turned += self.turn_between(model, k - 1, shift_s);
             }
-            let (q, _) = self.joints(k * SUBSTEPS, shift_s);
+            let q = self.joints(k * SUBSTEPS, shift_s);
             let center = model.center_of_mass(&coordinates(self.base[k], &q));
             let since = self.t_s[k] - self.t_s[0];
-            for axis in 0..2 {
-                out.center[axis].push(center[axis] - 0.5 * tilt[axis] * since * since);
-            }
-            out.angle.push(self.base[k][2] - turned);
-            if let Some(tip) = self.tip[k] {
+            let tip = self.tip[k].map(|tip| {
                 let predicted = model.end_effector(&coordinates([0.0; 3], &q));
-                out.tip.push([tip[0] - predicted.x, tip[1] - predicted.y, wrapped(tip[2] - predicted.z)]);
-            }
+                [tip[0] - predicted.x, tip[1] - predicted.y, wrapped(tip[2] - predicted.z)]
+            });
+            let fall = tilt.map(|acceleration| 0.5 * acceleration * since * since);
+            let drifting = [center.x - fall[0], center.y - fall[1], self.base[k][2] - turned];
+            out.drifting.push(self.mixing[k].less_tip(drifting, tip));
+            out.tip.push(tip.map(|tip| self.mixing[k].tip_apart(tip)));
         }
         out
     }
 
-    /// The intervals between instants, for the centre of mass and for the angle.
-    pub(super) fn intervals(&self, model: &Model) -> (Vec<Interval>, Vec<Interval>) {
+    /// The intervals between instants.
+    pub(super) fn intervals(&self, model: &Model) -> Vec<Interval> {
         let pairs = self.t_s.windows(2).enumerate();
         pairs
             .map(|(k, pair)| {
                 let duration_s = pair[1] - pair[0];
-                let per_momentum = simpson(duration_s / SUBSTEPS as f64, |j| {
+                let turn_per_momentum = simpson(duration_s / SUBSTEPS as f64, |j| {
                     let q = coordinates([0.0; 3], &self.q[k * SUBSTEPS + j]);
                     1.0 / model.inertia_about_com(&q)
                 });
-                (Interval { duration_s, gain: duration_s }, Interval { duration_s, gain: per_momentum })
+                Interval { duration_s, turn_per_momentum }
             })
-            .unzip()
+            .collect()
     }
 
-    fn joints(&self, at: usize, shift_s: f64) -> (JointVector, JointVector) {
-        let (q, qd, qdd) = (&self.q[at], &self.qd[at], &self.qdd[at]);
-        (q + qd * shift_s + qdd * (0.5 * shift_s * shift_s), qd + qdd * shift_s)
+    /// A filter for the stretch, noise and model as in [`Stretch::prepare`].
+    pub(super) fn whitener(&self, model: &Model, walks: [f64; 2]) -> Whitener {
+        let noise: Vec<Matrix3<f64>> = self.mixing.iter().map(|mixing| mixing.rest).collect();
+        Whitener::new(&noise, &self.intervals(model), walks)
     }
 
-    /// What the model takes for the weighted impulse of a torque: `int phi tau dt`, freed of accelerations by parts.
-    pub(super) fn impulse(&self, model: &Model, window: &Window) -> f64 {
-        let spin = self.spin(model, window);
+    /// Angles on the fine grid, telemetry moved.
+    fn joints(&self, at: usize, shift_s: f64) -> JointVector {
+        self.q[at] + self.qd[at] * shift_s + self.qdd[at] * (0.5 * shift_s * shift_s)
+    }
+
+    /// How far the arm turns the base from instant `k` to the next: `int w . dq` along the joints' path, by Simpson's rule on
+    /// parabolas through three points of it, so that for a constant `w` only the ends count.
+    fn turn_between(&self, model: &Model, k: usize, shift_s: f64) -> f64 {
+        let points: [JointVector; SUBSTEPS + 1] = std::array::from_fn(|j| self.joints(k * SUBSTEPS + j, shift_s));
+        let react = |q: &JointVector| model.reaction_vector(&coordinates([0.0; 3], q));
+        let reaction = points.map(|q| react(&q));
+        let piece = |j: usize| {
+            let (a, b, c) = (&points[j], &points[j + 1], &points[j + 2]);
+            let (start, middle, end) = (-3.0 * a + 4.0 * b - c, c - a, a - 4.0 * b + 3.0 * c);
+            let sum = reaction[j].dot(&start) + 4.0 * reaction[j + 1].dot(&middle) + reaction[j + 2].dot(&end);
+            sum / 6.0
+        };
+        (0..SUBSTEPS).step_by(2).map(piece).sum()
+    }
+
+    /// What the model takes for the weighted impulses of the torques, `int phi tau dt`, one a joint.
+    pub(super) fn impulses(&self, model: &Model, window: &Window) -> JointVector {
         window.sum(&self.t_s, |k, phi, phi_dot| {
             let (q, qd) = (&self.q[k * SUBSTEPS], &self.qd[k * SUBSTEPS]);
             let pose = coordinates([0.0; 3], q);
-            let twist = model.base_twist(&pose, qd, &Vector3::new(0.0, 0.0, spin));
-            let state = State { q: pose, v: coordinates(twist.into(), qd) };
-            let momentum = model.generalized_momentum(&state)[3 + window.joint];
-            let energy = |step: f64| {
-                let mut q = pose;
-                q[3 + window.joint] += step;
-                model.kinetic_energy(&State { q, v: state.v })
-            };
-            let slope = (energy(1e-4) - energy(-1e-4)) / 2e-4;
-            -phi_dot * momentum - phi * slope
+            let twist = model.base_twist(&pose, qd, &Vector3::new(0.0, 0.0, window.spin));
+            let v = coordinates(twist.into(), qd);
+            let momentum = model.generalized_momentum(&State { q: pose, v });
+            let mut impulse = JointVector::zeros();
+            for i in 0..model.link_count() {
+                let energy = |step: f64| {
+                    let mut q = pose;
+                    q[3 + i] += step;
+                    model.kinetic_energy(&State { q, v })
+                };
+                let slope = (energy(1e-4) - energy(-1e-4)) / 2e-4;
+                impulse[i] = -phi_dot * momentum[3 + i] - phi * slope;
+            }
+            impulse
         })
+    }
+
+    /// Finds by a model how noise enters, and the angular momentum of all windows.
+    pub(super) fn prepare(&mut self, model: &Model, noise: Noise) {
+        self.mixing = (0..self.len())
+            .map(|k| {
+                let q = coordinates(self.base[k], &self.q[k * SUBSTEPS]);
+                Mixing::new(model, &q, self.tip[k], noise, self.variance[k])
+            })
+            .collect();
+        let spins: Vec<f64> = self.torque.iter().map(|window| self.spin(model, window)).collect();
+        for (window, spin) in self.torque.iter_mut().zip(spins) {
+            window.spin = spin;
+        }
     }
 
     /// Angular momentum in a window, from how far the base turned besides what the arm made it turn.
     fn spin(&self, model: &Model, window: &Window) -> f64 {
         let (first, last) = (window.first, window.last);
-        let turn = simpson_over(&self.t_s[first..=last], |j| {
-            let at = first * SUBSTEPS + j;
-            model.reaction_vector(&coordinates([0.0; 3], &self.q[at])).dot(&self.qd[at])
-        });
+        let turn: f64 = (first..last).map(|k| self.turn_between(model, k, 0.0)).sum();
         let per_momentum = simpson_over(&self.t_s[first..=last], |j| {
             1.0 / model.inertia_about_com(&coordinates([0.0; 3], &self.q[first * SUBSTEPS + j]))
         });

@@ -6,27 +6,32 @@
 //! Shinbrot, Trans. ASME 79, 1957).
 
 use crate::measured::Joints;
+use std::iter::Sum;
+use std::ops::Mul;
 
 /// Instants of one bump.
 const LENGTH: usize = 12;
 
-/// One bump over one joint's torque.
+/// One bump.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
-    /// The joint, from 0.
-    pub(super) joint: usize,
     /// First and last instant.
     pub(super) first: usize,
     pub(super) last: usize,
-    /// `int phi tau dt` as measured, N m s.
-    pub(super) measured: f64,
+    /// `int phi tau dt` as measured, N m s, one a joint.
+    pub(super) measured: Vec<f64>,
     /// `int phi dt`, s: what a bias of 1 N m adds.
     pub(super) weight: f64,
+    /// Angular momentum meanwhile, N m s.
+    pub(super) spin: f64,
 }
 
 impl Window {
     /// Sums `value(instant, phi, phi')` by the trapezoid rule.
-    pub(super) fn sum(&self, t_s: &[f64], value: impl Fn(usize, f64, f64) -> f64) -> f64 {
+    pub(super) fn sum<T>(&self, t_s: &[f64], value: impl Fn(usize, f64, f64) -> T) -> T
+    where
+        T: Sum + Mul<f64, Output = T>,
+    {
         let (start, span) = (t_s[self.first], t_s[self.last] - t_s[self.first]);
         let at = |k: usize| {
             let s = (t_s[k] - start) / span;
@@ -34,22 +39,29 @@ impl Window {
             let phi_dot = 32.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / span;
             value(k, phi, phi_dot)
         };
-        (self.first..self.last).map(|k| 0.5 * (at(k) + at(k + 1)) * (t_s[k + 1] - t_s[k])).sum()
+        // The bump is zero at both ends, so that the trapezoid rule needs the instants between them only.
+        (self.first + 1..self.last).map(|k| at(k) * (0.5 * (t_s[k + 1] - t_s[k - 1]))).sum()
     }
 }
 
-/// The bumps, one after another, of every joint whose torque was measured throughout.
+/// The bumps, one after another, where the torques of all joints were measured.
 pub(super) fn windows(joints: &Joints, t_s: &[f64], delay_s: f64, links: usize) -> Vec<Window> {
+    if joints.torque_nm.len() < links {
+        return Vec::new();
+    }
+    let torques = |joint: usize| t_s.iter().map(|t| torque_at(joints, joint, t + delay_s)).collect();
+    let torques: Vec<Vec<Option<f64>>> = (0..links).map(torques).collect();
     let mut all = Vec::new();
-    for joint in 0..links.min(joints.torque_nm.len()) {
-        let torques: Option<Vec<f64>> = t_s.iter().map(|t| torque_at(joints, joint, t + delay_s)).collect();
-        let Some(torques) = torques else { continue };
-        for first in (0..t_s.len().saturating_sub(LENGTH)).step_by(LENGTH) {
-            let mut window = Window { joint, first, last: first + LENGTH, measured: 0.0, weight: 0.0 };
-            window.measured = window.sum(t_s, |k, phi, _| phi * torques[k]);
-            window.weight = window.sum(t_s, |_, phi, _| phi);
-            all.push(window);
+    for first in (0..t_s.len().saturating_sub(LENGTH)).step_by(LENGTH) {
+        let last = first + LENGTH;
+        if torques.iter().any(|of_joint| of_joint[first..=last].contains(&None)) {
+            continue;
         }
+        let mut window = Window { first, last, measured: Vec::new(), weight: 0.0, spin: 0.0 };
+        window.measured =
+            torques.iter().map(|of_joint| window.sum(t_s, |k, phi, _| phi * of_joint[k].unwrap_or_default())).collect();
+        window.weight = window.sum(t_s, |_, phi, _| phi);
+        all.push(window);
     }
     all
 }
