@@ -2,6 +2,7 @@
 
 pub mod answer;
 mod dynamic;
+mod plan;
 
 use crate::diagnose::runs;
 use crate::files::TextFile;
@@ -12,6 +13,7 @@ use fss_identify::calibrate::kinematic::{self, Choice};
 use fss_identify::calibrate::write as plant_file;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result, miette};
+use plan::PlanArgs;
 use std::path::{Path, PathBuf};
 
 /// Kinds of observation of a kinematic calibration.
@@ -24,6 +26,8 @@ pub enum CalibrateCommand {
     Kinematic(KinematicArgs),
     /// Each link's centre of mass and inertia and the base's inertia, with the kinematics, from motion without thrust.
     Dynamic(DynamicArgs),
+    /// The postures that determine the kinematics best, as a mission, and how well they will.
+    Plan(PlanArgs),
 }
 
 /// What `fss calibrate kinematic` takes.
@@ -54,6 +58,7 @@ pub fn run(command: &CalibrateCommand) -> Result<()> {
     match command {
         CalibrateCommand::Kinematic(args) => kinematic(args),
         CalibrateCommand::Dynamic(args) => dynamic::run(args),
+        CalibrateCommand::Plan(args) => plan::run(args),
     }
 }
 

@@ -17,6 +17,7 @@ mod drift;
 pub mod dynamic;
 pub mod kinematic;
 mod motion;
+pub mod plan;
 mod words;
 pub mod write;
 
@@ -111,6 +112,8 @@ pub enum CalibrationError {
 }
 
 const MAX_ITERATIONS: usize = 60;
+/// A step of so many standard deviations is none.
+const NEGLIGIBLE: f64 = 1e-3;
 /// Whether neighbours share errors is a matter of yes or no; after so many iterations the answer stays.
 const SETTLE_AFTER: usize = 3;
 
@@ -228,9 +231,12 @@ impl<'a> Fit<'a> {
             for i in 0..self.rows.len() {
                 weighted[i] = linear.residual[i] * self.weight(i);
             }
-            let mut step = vec![0.0; self.unknowns.len()];
+            // The step in standard deviations of the estimate, and in units of what is plausible.
+            let (mut deviations, mut step) = (0.0, vec![0.0; self.unknowns.len()]);
             for k in (0..linear.singular.len()).filter(|k| linear.is_seen(*k)) {
-                let along = linear.left.column(k).dot(&weighted) / linear.singular[k];
+                let along = linear.left.column(k).dot(&weighted);
+                deviations += along * along;
+                let along = along / linear.singular[k];
                 step.iter_mut().enumerate().for_each(|(j, step)| *step += along * linear.right[(k, j)]);
             }
             let largest = self.go(&step, residuals)?;
@@ -239,8 +245,9 @@ impl<'a> Fit<'a> {
                 self.shared = (0..self.noise.len()).map(|kind| self.samples_for_one(kind, &linear)).collect();
             }
             self.noise = self.noise_of(&linear);
-            let settled = before.iter().zip(&self.noise).all(|(a, b)| (a - b).abs() <= 1e-4 * a);
-            if largest < 1e-7 && settled && iteration >= SETTLE_AFTER {
+            let settled = before.iter().zip(&self.noise).all(|(a, b)| (a - b).abs() <= 1e-3 * a);
+            let arrived = largest < 1e-7 || deviations < NEGLIGIBLE * NEGLIGIBLE;
+            if arrived && settled && iteration >= SETTLE_AFTER {
                 return Ok(());
             }
         }

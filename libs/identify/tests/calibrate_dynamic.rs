@@ -144,7 +144,7 @@ fn unweighed_masses_are_seen_as_ratios_until_torque_is_measured() {
     let mut lab = Lab::new(model(), NOISE, 5);
     let mut runs = lab.six_runs();
     runs.truncate(2);
-    let choice = Choice { masses: true, ..Choice::default() };
+    let choice = Choice { masses: true, torque: true, ..Choice::default() };
     let names = |e: &fss_identify::calibrate::Estimate| -> usize { e.unknowns - e.rank };
     let with = calibrate(&lab.model, &runs, [1e-3, 2e-3, 2e-4], choice).unwrap();
     for run in &mut runs {

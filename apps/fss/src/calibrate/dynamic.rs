@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// How.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Method {
-    /// Whole trajectories: geometry, centres of mass and inertias together, from momentum and torque sensors.
+    /// Whole trajectories: geometry, centres of mass and inertias together, from momentum, and from torque sensors on request.
     Trajectory,
     /// The paper's: one joint at a time from rest to rest, how far the base turned, one inertia for all links.
     Attitude,
@@ -45,6 +45,9 @@ pub struct DynamicArgs {
     /// Estimate masses too: nothing was weighed.
     #[arg(long)]
     masses: bool,
+    /// Read the torque sensors too, where torques change slowly against their 5 reports a second.
+    #[arg(long)]
+    torque: bool,
 }
 
 const OF_NOISE: &str = "times the sensors' noise";
@@ -84,7 +87,7 @@ fn trajectory(args: &DynamicArgs, plant: &Plant, runs: &[Run]) -> Result<(Estima
     let model = plant.nominal().model().into_diagnostic()?;
     let sensors = &plant.sensors;
     let noise = [sensors.mocap_position_m, sensors.mocap_angle_rad, sensors.encoder_rad].map(|sd| sd.max(1e-5));
-    let choice = Choice { each_length: args.each_length, masses: args.masses };
+    let choice = Choice { each_length: args.each_length, masses: args.masses, torque: args.torque };
     let found = dynamic::calibrate(&model, runs, noise, choice).map_err(|e| refused(&e))?;
     println!("{:.0} s without thrust", found.used_s);
     for remark in &found.remarks {

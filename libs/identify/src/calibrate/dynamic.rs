@@ -30,6 +30,8 @@ pub struct Choice {
     pub each_length: bool,
     /// The masses too; otherwise they were weighed.
     pub masses: bool,
+    /// Torque sensors too. Their reports are rare: only a torque that changes slowly against them is understood.
+    pub torque: bool,
 }
 
 /// What came out.
@@ -89,7 +91,9 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -
     for _ in 0..ROUNDS {
         let values: Vec<f64> = unknowns.iter().map(|u| u.value).collect();
         let believed = problem.model_at(&values).ok_or(CalibrationError::Diverged)?;
-        stretches.iter_mut().for_each(|s| s.prepare(&believed, noise));
+        for stretch in &mut stretches {
+            stretch.prepare(&believed, noise);
+        }
         let whiteners: Vec<Whitener> = stretches.iter().map(|s| s.whitener(&believed, walks)).collect();
         let rows = problem.rows(&stretches);
         let kinds = [1.0, 1.0, 1.0, 1.0, 0.02];
@@ -143,7 +147,8 @@ fn resting(stretches: &[Stretch], links: usize) -> Vec<usize> {
 struct Problem<'a> {
     model: &'a Model,
     parts: Vec<(Unknown, Vec<Parameter>)>,
-    /// Further unknowns: the telemetry's delay, the two accelerations of the table, then torque scale and bias of each joint.
+    /// Further unknowns: the telemetry's delay, the two accelerations of the table, the
+    /// end-effector's delay, then torque scale and bias of each joint.
     delay: usize,
     tips: bool,
     torque: bool,
@@ -175,7 +180,7 @@ impl<'a> Problem<'a> {
                 add(format!("link[{i}].mass_kg"), PLAUSIBLE_MASS_KG, Parameter::LinkMass(i));
             }
         }
-        let torque = stretches.iter().any(|s| !s.torque.is_empty());
+        let torque = choice.torque && stretches.iter().any(|s| !s.torque.is_empty());
         Self { model, delay: parts.len(), parts, tips, torque, scales: torque && !choice.masses }
     }
 
@@ -186,6 +191,9 @@ impl<'a> Problem<'a> {
         let [x, y] = self.model.gravity_m_s2();
         add("table.gravity_m_s2.x".into(), x, PLAUSIBLE_ACCELERATION);
         add("table.gravity_m_s2.y".into(), y, PLAUSIBLE_ACCELERATION);
+        if self.tips {
+            add("end_effector_delay_s".into(), 0.0, PLAUSIBLE_DELAY_S);
+        }
         for i in 1..=self.model.link_count() {
             if self.scales {
                 add(format!("link[{i}].torque_sensor_scale"), 1.0, 1.0);
@@ -225,7 +233,7 @@ impl<'a> Problem<'a> {
 
     /// Scale and bias of a torque sensor.
     fn sensor(&self, values: &[f64], joint: usize) -> (f64, f64) {
-        let first = self.delay + 3;
+        let first = self.delay + 3 + usize::from(self.tips);
         if self.scales {
             (values[first + 2 * joint], values[first + 2 * joint + 1])
         } else {
@@ -234,7 +242,9 @@ impl<'a> Problem<'a> {
     }
 
     fn series(&self, stretch: &Stretch, model: &Model, values: &[f64], built_delay_s: f64) -> Series {
-        stretch.series(model, values[self.delay] - built_delay_s, [values[self.delay + 1], values[self.delay + 2]])
+        let tip_delay_s = if self.tips { values[self.delay + 3] } else { 0.0 };
+        let tilt = [values[self.delay + 1], values[self.delay + 2]];
+        stretch.series(model, values[self.delay] - built_delay_s, tip_delay_s, tilt)
     }
 
     fn likeliest_walks(&self, stretches: &[Stretch], values: &[f64], built_delay_s: f64) -> Option<[f64; 2]> {
@@ -267,7 +277,7 @@ impl<'a> Problem<'a> {
                 }
             }
             first += stretch.len();
-            for window in &stretch.torque {
+            for window in stretch.torque.iter().filter(|_| self.torque) {
                 let instant = first + window.first;
                 rows.extend((0..self.model.link_count()).map(|i| Row { kind: TORQUE, instant, series: series + i }));
             }
@@ -285,7 +295,7 @@ impl<'a> Problem<'a> {
                 out.extend(drifting.iter().take(if k < START { 0 } else { 3 }));
                 out.extend(tip.iter().flatten());
             }
-            for window in &stretch.torque {
+            for window in stretch.torque.iter().filter(|_| self.torque) {
                 let impulses = stretch.impulses(&model, window);
                 for (joint, measured) in window.measured.iter().enumerate() {
                     let (scale, bias) = self.sensor(values, joint);

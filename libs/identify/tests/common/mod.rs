@@ -1,5 +1,5 @@
 //! A laboratory in a few lines: an arm that follows sines on a base that floats, exactly, and sensors with white noise.
-#![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::large_types_passed_by_value)]
 
 use fss_identify::measured::{Drive, Joints, Many, Poses, Run};
 use fss_multibody::{Coordinates, JointVector, Model, State};
@@ -91,7 +91,7 @@ impl Lab {
             }
             out
         };
-        let model = self.model.clone();
+        let model = self.model;
         let pose = |base: Vector3<f64>, q: &JointVector| {
             let mut c = Coordinates::zeros();
             c.as_mut_slice()[..3].copy_from_slice(base.as_slice());

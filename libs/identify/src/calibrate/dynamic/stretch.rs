@@ -4,7 +4,7 @@ use super::noise::{Mixing, Noise};
 use super::torque::{Window, windows};
 use crate::calibrate::drift::{Interval, Whitener};
 use crate::calibrate::motion::{Tracks, pose_at, seen_from, wrapped};
-use crate::measured::Run;
+use crate::measured::{Poses, Run};
 use fss_multibody::{Coordinates, JointVector, Model, State};
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,6 +20,8 @@ const SHORTEST_S: f64 = 3.0;
 const AFTER_VALVE_S: f64 = 0.1;
 /// Accelerations come from rates this far apart, s.
 const DIFFERENCE_S: f64 = 0.02;
+/// Rates of the end-effector come from poses this far before and after, s.
+const HALF_RATE_S: f64 = 0.1;
 
 /// What was measured. Series `q`, `qd`, `qdd` stand on the fine grid of the integral, the others at the instants.
 pub(super) struct Stretch {
@@ -32,6 +34,8 @@ pub(super) struct Stretch {
     base: Vec<[f64; 3]>,
     /// End-effector seen from the base.
     pub(super) tip: Vec<Option<[f64; 3]>>,
+    /// How it moves over the table, axes of the base: m/s and rad/s.
+    tip_rate: Vec<[f64; 3]>,
     /// Variance of the poses' noise over that of one sample.
     variance: Vec<f64>,
     /// How noise enters the residuals, one an instant.
@@ -94,6 +98,7 @@ impl Stretch {
             qdd: Vec::new(),
             base: Vec::new(),
             tip: Vec::new(),
+            tip_rate: Vec::new(),
             variance: Vec::new(),
             mixing: Vec::new(),
             torque: Vec::new(),
@@ -120,6 +125,7 @@ impl Stretch {
             s.variance.push(variance);
             let tip = run.ee_pose.as_ref().and_then(|poses| pose_at(poses, t_s));
             s.tip.push(tip.map(|(tip, _)| seen_from(base, tip)));
+            s.tip_rate.push(rate_of(run.ee_pose.as_ref(), t_s, base[2]));
         }
         if s.duration_s() < SHORTEST_S {
             return None;
@@ -144,8 +150,9 @@ impl Stretch {
         self.t_s.last().zip(self.t_s.first()).map_or(0.0, |(end, start)| end - start)
     }
 
-    /// What the model makes of it, telemetry moved by `shift_s` more, the table's acceleration `tilt`.
-    pub(super) fn series(&self, model: &Model, shift_s: f64, tilt: [f64; 2]) -> Series {
+    /// What the model makes of it, telemetry moved by `shift_s` more, end-effector poses stamped
+    /// `tip_delay_s` late, the table's acceleration `tilt`.
+    pub(super) fn series(&self, model: &Model, shift_s: f64, tip_delay_s: f64, tilt: [f64; 2]) -> Series {
         let count = self.len();
         let mut out = Series { drifting: Vec::with_capacity(count), tip: Vec::with_capacity(count) };
         let mut turned = 0.0;
@@ -158,7 +165,12 @@ impl Stretch {
             let since = self.t_s[k] - self.t_s[0];
             let tip = self.tip[k].map(|tip| {
                 let predicted = model.end_effector(&coordinates([0.0; 3], &q));
-                [tip[0] - predicted.x, tip[1] - predicted.y, wrapped(tip[2] - predicted.z)]
+                let late = self.tip_rate[k].map(|rate| rate * tip_delay_s);
+                [
+                    tip[0] + late[0] - predicted.x,
+                    tip[1] + late[1] - predicted.y,
+                    wrapped(tip[2] + late[2] - predicted.z),
+                ]
             });
             let fall = tilt.map(|acceleration| 0.5 * acceleration * since * since);
             let drifting = [center.x - fall[0], center.y - fall[1], self.base[k][2] - turned];
@@ -254,6 +266,14 @@ impl Stretch {
         });
         (self.base[last][2] - self.base[first][2] - turn) / per_momentum
     }
+}
+
+/// How a pose moves at a time, in axes turned by `angle`; zero where it is not seen.
+fn rate_of(poses: Option<&Poses>, t_s: f64, angle: f64) -> [f64; 3] {
+    let at = |t_s: f64| poses.and_then(|poses| pose_at(poses, t_s)).map(|(pose, _)| pose);
+    let Some((a, b)) = at(t_s - HALF_RATE_S).zip(at(t_s + HALF_RATE_S)) else { return [0.0; 3] };
+    let [x, y, turn] = seen_from([a[0], a[1], angle], b);
+    [x, y, wrapped(turn + angle - a[2])].map(|step| step / (2.0 * HALF_RATE_S))
 }
 
 /// Angles, rates and accelerations at a time.

@@ -1,0 +1,201 @@
+//! Where to measure: the postures that determine the kinematic parameters best, and how well, beforehand.
+//!
+//! The information of a set of postures is the sum of `J' W J` over them, `J` the Jacobian of the end-effector's pose by the
+//! parameters. D-optimal postures make its determinant largest, which is the smallest volume that the parameters are left
+//! with. They are found by exchange (Fedorov, *Theory of Optimal Experiments*, 1972): from several starts, each posture in
+//! turn is replaced by the best of many candidates, and then moved joint by joint as long as that helps.
+
+use super::kinematic::{Choice, unknowns};
+use fss_multibody::{Coordinates, Model};
+use nalgebra::DMatrix;
+
+/// What postures are possible and how they are measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limits {
+    /// Joints stay between minus and plus this, rad.
+    pub joint_rad: Vec<f64>,
+    /// The arm's joints and tip keep this far from the base's centre, m.
+    pub clearance_m: f64,
+    /// Standard deviations of one posture: position of the end-effector m, its angle rad.
+    pub noise: [f64; 2],
+}
+
+/// Postures with what they are worth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Encoder angles of each posture, rad, in an order that keeps the ways short.
+    pub postures: Vec<Vec<f64>>,
+    /// Name and expected standard deviation of each parameter.
+    pub expected: Vec<(String, f64)>,
+}
+
+/// Candidates that an exchange looks at.
+const CANDIDATES: usize = 300;
+/// Starts; the best end counts.
+const STARTS: usize = 3;
+/// Steps in which a joint is moved at the end, rad.
+const STEPS_RAD: [f64; 3] = [0.3, 0.1, 0.03];
+/// Information that is there without any posture, so that the first few can be compared.
+const PRIOR: f64 = 1e-6;
+
+/// Fewest postures that determine all parameters: each gives three numbers.
+pub fn fewest(model: &Model, choice: Choice) -> usize {
+    unknowns(model, choice).len().div_ceil(3)
+}
+
+/// The best `count` postures.
+pub fn plan(model: &Model, limits: &Limits, count: usize, choice: Choice) -> Plan {
+    let design = Design { model, limits, parts: unknowns(model, choice) };
+    let candidates: Vec<Vec<f64>> =
+        (1..).map(|k| design.candidate(k)).filter(|q| design.fits(q)).take(CANDIDATES).collect();
+    let mut best: Option<(f64, Vec<Vec<f64>>)> = None;
+    for start in 0..STARTS {
+        let mut postures: Vec<Vec<f64>> =
+            (0..count).map(|k| candidates[(k * STARTS + start) * 7 % candidates.len()].clone()).collect();
+        design.exchange(&mut postures, &candidates);
+        design.polish(&mut postures);
+        let worth = design.worth(&design.total(&postures));
+        if best.as_ref().is_none_or(|(most, _)| worth > *most) {
+            best = Some((worth, postures));
+        }
+    }
+    let postures = in_order(best.map_or_else(Vec::new, |(_, postures)| postures));
+    let expected = design.expected(&postures);
+    Plan { postures, expected }
+}
+
+/// Expected standard deviations of the parameters from given postures.
+pub fn expected(model: &Model, limits: &Limits, postures: &[Vec<f64>], choice: Choice) -> Vec<(String, f64)> {
+    Design { model, limits, parts: unknowns(model, choice) }.expected(postures)
+}
+
+struct Design<'a> {
+    model: &'a Model,
+    limits: &'a Limits,
+    parts: Vec<(super::Unknown, Vec<fss_multibody::Parameter>)>,
+}
+
+impl Design<'_> {
+    /// Quasi-random angles that fill the joints' ranges evenly (Halton, 1960).
+    fn candidate(&self, k: usize) -> Vec<f64> {
+        const PRIMES: [usize; fss_multibody::MAX_LINKS] = [2, 3, 5, 7, 11, 13, 17, 19];
+        let radical = |base: usize| {
+            let (mut rest, mut place, mut value) = (k, 1.0 / base as f64, 0.0);
+            while rest > 0 {
+                value += (rest % base) as f64 * place;
+                rest /= base;
+                place /= base as f64;
+            }
+            value
+        };
+        self.limits.joint_rad.iter().zip(PRIMES).map(|(limit, base)| (2.0 * radical(base) - 1.0) * limit).collect()
+    }
+
+    /// Whether the arm keeps clear of the base.
+    fn fits(&self, q_rad: &[f64]) -> bool {
+        let inside = q_rad.iter().zip(&self.limits.joint_rad).all(|(q, limit)| q.abs() <= *limit);
+        let k = self.model.kinematics(&coordinates(q_rad));
+        let clear = (1..=q_rad.len()).all(|i| k.joints[i].norm() > self.limits.clearance_m);
+        inside && clear
+    }
+
+    /// Information of one posture, parameters in units of what is plausible.
+    fn information(&self, q_rad: &[f64]) -> DMatrix<f64> {
+        let q = coordinates(q_rad);
+        let mut jacobian = DMatrix::<f64>::zeros(3, self.parts.len());
+        for (j, (unknown, places)) in self.parts.iter().enumerate() {
+            for place in places {
+                let by = self.model.end_effector_by_parameter(&q, *place) * unknown.plausible;
+                for row in 0..3 {
+                    jacobian[(row, j)] += by[row] / self.limits.noise[usize::from(row == 2)];
+                }
+            }
+        }
+        jacobian.transpose() * jacobian
+    }
+
+    fn total(&self, postures: &[Vec<f64>]) -> DMatrix<f64> {
+        let start = DMatrix::identity(self.parts.len(), self.parts.len()) * PRIOR;
+        postures.iter().fold(start, |sum, q| sum + self.information(q))
+    }
+
+    /// Logarithm of the determinant.
+    fn worth(&self, information: &DMatrix<f64>) -> f64 {
+        let factor = information.clone().cholesky();
+        factor.map_or(f64::NEG_INFINITY, |c| c.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum())
+    }
+
+    fn exchange(&self, postures: &mut [Vec<f64>], candidates: &[Vec<f64>]) {
+        let known: Vec<DMatrix<f64>> = candidates.iter().map(|q| self.information(q)).collect();
+        loop {
+            let mut improved = false;
+            for i in 0..postures.len() {
+                let total = self.total(postures);
+                let rest = &total - self.information(&postures[i]);
+                let (mut best, mut most) = (None, self.worth(&total) + 1e-6);
+                for (candidate, information) in candidates.iter().zip(&known) {
+                    let worth = self.worth(&(&rest + information));
+                    if worth > most {
+                        (best, most) = (Some(candidate), worth);
+                    }
+                }
+                if let Some(candidate) = best {
+                    postures[i].clone_from(candidate);
+                    improved = true;
+                }
+            }
+            if !improved {
+                return;
+            }
+        }
+    }
+
+    fn polish(&self, postures: &mut [Vec<f64>]) {
+        for step in STEPS_RAD {
+            for i in 0..postures.len() {
+                let rest = self.total(postures) - self.information(&postures[i]);
+                let worth = |q: &[f64]| self.worth(&(&rest + self.information(q)));
+                let mut most = worth(&postures[i]);
+                for joint in 0..postures[i].len() {
+                    for by in [step, -step] {
+                        let mut moved = postures[i].clone();
+                        let limit = self.limits.joint_rad[joint];
+                        moved[joint] = (moved[joint] + by).clamp(-limit, limit);
+                        let now = worth(&moved);
+                        if now > most && self.fits(&moved) {
+                            (postures[i], most) = (moved, now);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn expected(&self, postures: &[Vec<f64>]) -> Vec<(String, f64)> {
+        let covariance = self.total(postures).try_inverse();
+        let of = |j: usize| covariance.as_ref().map_or(f64::INFINITY, |c| c[(j, j)].sqrt());
+        self.parts.iter().enumerate().map(|(j, (u, _))| (u.name.clone(), of(j) * u.plausible)).collect()
+    }
+}
+
+fn coordinates(q_rad: &[f64]) -> Coordinates {
+    let mut q = Coordinates::zeros();
+    q.as_mut_slice()[3..3 + q_rad.len()].copy_from_slice(q_rad);
+    q
+}
+
+/// From the first posture always to the one that is reached soonest.
+fn in_order(mut postures: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let away = |a: &[f64], b: &[f64]| -> f64 {
+        let steps = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+        steps.fold(0.0, f64::max)
+    };
+    for i in 1..postures.len() {
+        let next = (i..postures.len()).min_by(|a, b| {
+            let before = &postures[i - 1];
+            away(before, &postures[*a]).total_cmp(&away(before, &postures[*b]))
+        });
+        postures.swap(i, next.unwrap_or(i));
+    }
+    postures
+}
