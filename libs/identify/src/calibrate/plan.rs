@@ -54,9 +54,9 @@ pub fn plan(model: &Model, limits: &Limits, count: usize, choice: Choice) -> Pla
             (0..count).map(|k| candidates[(k * STARTS + start) * 7 % candidates.len()].clone()).collect();
         design.exchange(&mut postures, &candidates);
         design.polish(&mut postures);
-        let worth = design.worth(&design.total(&postures));
-        if best.as_ref().is_none_or(|(most, _)| worth > *most) {
-            best = Some((worth, postures));
+        let value = worth(&design.total(&postures));
+        if best.as_ref().is_none_or(|(most, _)| value > *most) {
+            best = Some((value, postures));
         }
     }
     let postures = in_order(best.map_or_else(Vec::new, |(_, postures)| postures));
@@ -119,12 +119,6 @@ impl Design<'_> {
         postures.iter().fold(start, |sum, q| sum + self.information(q))
     }
 
-    /// Logarithm of the determinant.
-    fn worth(&self, information: &DMatrix<f64>) -> f64 {
-        let factor = information.clone().cholesky();
-        factor.map_or(f64::NEG_INFINITY, |c| c.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum())
-    }
-
     fn exchange(&self, postures: &mut [Vec<f64>], candidates: &[Vec<f64>]) {
         let known: Vec<DMatrix<f64>> = candidates.iter().map(|q| self.information(q)).collect();
         loop {
@@ -132,11 +126,11 @@ impl Design<'_> {
             for i in 0..postures.len() {
                 let total = self.total(postures);
                 let rest = &total - self.information(&postures[i]);
-                let (mut best, mut most) = (None, self.worth(&total) + 1e-6);
+                let (mut best, mut most) = (None, worth(&total) + 1e-6);
                 for (candidate, information) in candidates.iter().zip(&known) {
-                    let worth = self.worth(&(&rest + information));
-                    if worth > most {
-                        (best, most) = (Some(candidate), worth);
+                    let value = worth(&(&rest + information));
+                    if value > most {
+                        (best, most) = (Some(candidate), value);
                     }
                 }
                 if let Some(candidate) = best {
@@ -154,14 +148,14 @@ impl Design<'_> {
         for step in STEPS_RAD {
             for i in 0..postures.len() {
                 let rest = self.total(postures) - self.information(&postures[i]);
-                let worth = |q: &[f64]| self.worth(&(&rest + self.information(q)));
-                let mut most = worth(&postures[i]);
+                let value = |q: &[f64]| worth(&(&rest + self.information(q)));
+                let mut most = value(&postures[i]);
                 for joint in 0..postures[i].len() {
                     for by in [step, -step] {
                         let mut moved = postures[i].clone();
                         let limit = self.limits.joint_rad[joint];
                         moved[joint] = (moved[joint] + by).clamp(-limit, limit);
-                        let now = worth(&moved);
+                        let now = value(&moved);
                         if now > most && self.fits(&moved) {
                             (postures[i], most) = (moved, now);
                         }
@@ -176,6 +170,12 @@ impl Design<'_> {
         let of = |j: usize| covariance.as_ref().map_or(f64::INFINITY, |c| c[(j, j)].sqrt());
         self.parts.iter().enumerate().map(|(j, (u, _))| (u.name.clone(), of(j) * u.plausible)).collect()
     }
+}
+
+/// Logarithm of the determinant.
+fn worth(information: &DMatrix<f64>) -> f64 {
+    let factor = information.clone().cholesky();
+    factor.map_or(f64::NEG_INFINITY, |c| c.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum())
 }
 
 fn coordinates(q_rad: &[f64]) -> Coordinates {
