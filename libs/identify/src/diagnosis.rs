@@ -1,11 +1,12 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
 use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
+use crate::integrity::{Examined, examine};
 use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
 use crate::unexplained::{Unexplained, describe};
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant};
+use fss_plant::{Effect, Place, Plant};
 use rayon::prelude::*;
 
 /// Mean square of the whitened residuals below which noise alone explains them.
@@ -92,6 +93,8 @@ pub struct Ranked {
 
 /// The answer.
 pub struct Diagnosis {
+    /// What there was to say of the records, before anything was concluded from them.
+    pub remarks: Vec<String>,
     /// What it comes to.
     pub verdict: Verdict,
     /// What is asserted, strongest first.
@@ -130,24 +133,24 @@ pub fn diagnose(
     validation: &[Run],
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
+    let Examined { plant, runs, remarks } = examine(plant, runs);
+    let validation = examine(&plant, validation).runs;
+    let (plant, runs, validation) = (&plant, &runs[..], &validation[..]);
     let windows = Windows::suited_to(plant, runs);
     progress("simulating every cause");
-    let contest = Contest::new(plant, runs, windows)?;
+    let mut contest = Contest::new(plant, runs, windows)?;
     if contest.evidence.cells.is_empty() {
-        return Ok(nothing_to_say(plant));
+        return Ok(nothing_to_say(plant, remarks));
     }
     // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
     let first = if plant.base.clamped { 1 } else { MOST_CAUSES };
     let mut selection = contest.select(first, progress)?;
     let unit = mean_square(&selection.after);
     // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
-    let contest = if unit > DOUBTFUL {
-        let contest = contest.with_unit(unit);
+    if unit > DOUBTFUL {
+        contest.set_unit(unit);
         selection = contest.select(MOST_CAUSES, progress)?;
-        contest
-    } else {
-        contest
-    };
+    }
     let (verdict, mut causes, suspects) = judge(&contest, &selection);
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     progress("measuring the gain");
@@ -183,6 +186,7 @@ pub fn diagnose(
     let settled =
         contest.uncertain.iter().zip(selection.after.nuisance.iter()).map(|(u, z)| (u.name.clone(), *z)).collect();
     Ok(Diagnosis {
+        remarks,
         verdict,
         causes,
         suspects,
@@ -199,8 +203,9 @@ pub fn diagnose(
     })
 }
 
-fn nothing_to_say(plant: &Plant) -> Diagnosis {
+fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
     Diagnosis {
+        remarks,
         verdict: Verdict::Consistent,
         causes: Vec::new(),
         suspects: Vec::new(),
@@ -240,8 +245,9 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
         })
         .collect();
     let left = mean_square(&selection.after);
+    let air = contest.air(&selection.after);
     if all.is_empty() {
-        let quiet = left < CONSISTENT && stands_out(contest, selection) < CONSISTENT_CHANNEL;
+        let quiet = left < CONSISTENT && stands_out(contest, selection) < CONSISTENT_CHANNEL && !air.is_too_strong();
         return (if quiet { Verdict::Consistent } else { Verdict::Unexplained }, Vec::new(), Vec::new());
     }
     let excess = selection.before.chi2 - selection.before.freedom;
@@ -249,12 +255,22 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
     if left > DOUBTFUL && share < MOST {
         return (Verdict::Unexplained, Vec::new(), all);
     }
+    // Whatever still pushes the base may have lent its strength to a cause that pushes it too.
+    let pushed = air.is_too_strong() && air.excess() > (1.0 - MOST) * contest.air(&selection.before).excess();
+    let is_doubtful =
+        |c: &Cause| pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster);
     let (asserted, doubtful): (Vec<_>, Vec<_>) =
-        all.into_iter().enumerate().partition(|(i, c)| *i == 0 || c.probability >= SURE);
+        all.into_iter().enumerate().partition(|(i, c)| !is_doubtful(c) && (*i == 0 || c.probability >= SURE));
     let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
-    let whole =
-        left < ALL_EXPLAINED && doubtful.is_empty() && stands_out(contest, selection) < 2.0 * CONSISTENT_CHANNEL;
-    (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, strip(asserted), strip(doubtful))
+    let asserted = strip(asserted);
+    if asserted.is_empty() {
+        return (Verdict::Unexplained, asserted, strip(doubtful));
+    }
+    let whole = !air.is_too_strong()
+        && left < ALL_EXPLAINED
+        && doubtful.is_empty()
+        && stands_out(contest, selection) < 2.0 * CONSISTENT_CHANNEL;
+    (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, asserted, strip(doubtful))
 }
 
 /// RMS over noise of the channel that stands out most from what the causes leave.

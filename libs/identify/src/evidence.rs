@@ -56,14 +56,20 @@ impl Evidence {
                 records.extend(Floating::new(trial, run, windows.base_s)?.map(|r| Box::new(r) as Box<dyn Record>));
             }
         }
-        let cells = cells(&records, trial, &[])?;
+        let cells = cells(&records, trial, &[], ROUNDS)?;
         Ok(Self { records, cells })
+    }
+
+    /// Fits each window's own unknowns anew under `trial`, from where they are.
+    pub(crate) fn settle(&mut self, trial: &Trial) -> Result<(), ModelError> {
+        self.cells = cells(&self.records, trial, &self.cells, ROUNDS)?;
+        Ok(())
     }
 
     /// The same cells under another trial: fitted anew where motion is chaotic, else with the unknowns of before.
     pub(crate) fn under(&self, trial: &Trial) -> Result<Vec<Cell>, ModelError> {
         if self.records.iter().any(|r| r.is_chaotic()) {
-            return cells(&self.records, trial, &self.cells);
+            return cells(&self.records, trial, &self.cells, ROUNDS_AGAIN);
         }
         let mut out = self.cells.clone();
         for (cell, residual) in out.iter_mut().zip(self.residuals(trial, &self.cells)?) {
@@ -88,7 +94,7 @@ impl Evidence {
     }
 }
 
-fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
+fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: usize) -> Result<Vec<Cell>, ModelError> {
     let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
         let flight = records[r].flight(trial)?;
         let spans = records[r].spans().iter().enumerate();
@@ -99,7 +105,6 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell]) -> Result<
                     return None;
                 }
                 let start = old.map(|c| &c.unknowns);
-                let rounds = if start.is_some() { ROUNDS_AGAIN } else { ROUNDS };
                 let of = |x: &[Vec<f64>]| flight.residuals(w, x);
                 let fresh = Cell::fit(r, w, span, start.unwrap_or(&span.guess), rounds, &of);
                 // A cell that was there stays there, or sums over cells could not be compared.
@@ -159,6 +164,11 @@ impl Cell {
             unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u += c);
         }
         cell
+    }
+
+    /// Expected square of a row's residual where nothing but noise is left.
+    pub(crate) fn freedom_of(&self, row: usize) -> f64 {
+        1.0 - self.absorbed.row(row).norm_squared()
     }
 
     /// Whitens rows and takes off what the window's own unknowns absorb.

@@ -101,6 +101,17 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
 }
 
 impl Hypothesis {
+    /// Whether an effect is this cause, whatever its size.
+    pub(crate) fn is_of(&self, effect: &Effect) -> bool {
+        let own = &self.nominal;
+        own.id() == effect.id() && own.index() == effect.index() && own.channel() == effect.channel()
+    }
+
+    /// The same cause around `effect`, which acts already: what more or less of it would do.
+    pub(crate) fn around(&self, effect: &Effect) -> Self {
+        Self { nominal: effect.clone(), probe: effect.clone(), has_shape: false, is_discrete: self.is_discrete }
+    }
+
     /// Number of coordinates.
     pub(crate) fn size(&self) -> usize {
         if self.is_discrete || self.nominal.id() == "drive_kinematic_error" { 1 } else { self.nominal.values().len() }
@@ -117,7 +128,8 @@ impl Hypothesis {
             return vec![(None, self.nominal.clone(), 1.0)];
         }
         if self.is_compliance() {
-            return vec![(None, self.at(&[COMPLIANCE_RAD_N_M]), COMPLIANCE_RAD_N_M)];
+            let stiffness_n_m_rad = 1.0 / (1.0 / self.nominal.values()[0] + COMPLIANCE_RAD_N_M);
+            return vec![(None, self.with(&[stiffness_n_m_rad]), COMPLIANCE_RAD_N_M)];
         }
         let parameters = self.nominal.about().parameters;
         (0..self.size())

@@ -15,6 +15,7 @@ pub mod diagnosis;
 mod evidence;
 mod floating;
 mod hypothesis;
+mod integrity;
 pub mod measured;
 pub mod misfit;
 mod normal;

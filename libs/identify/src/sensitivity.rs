@@ -113,7 +113,15 @@ impl Evidence {
         };
         let mut all: Vec<Column> =
             uncertain.par_iter().map(of_value).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
-        let of_hypotheses = hypotheses.par_iter().map(|h| self.columns_of(trial, &self.cells, h));
+        let of_hypothesis = |h: &Hypothesis| match trial.effects.iter().position(|e| !h.is_discrete && h.is_of(e)) {
+            Some(acting) => {
+                let mut rest = trial.clone();
+                let effect = rest.effects.remove(acting);
+                self.columns_of(&rest, &self.cells, &h.around(&effect))
+            }
+            None => self.columns_of(trial, &self.cells, h),
+        };
+        let of_hypotheses = hypotheses.par_iter().map(of_hypothesis);
         all.extend(of_hypotheses.collect::<Result<Vec<_>, _>>()?.into_iter().flatten());
         Ok(Sensitivities { columns: stack(&self.cells, &all) })
     }

@@ -6,9 +6,15 @@
 use crate::hypothesis::Hypothesis;
 use fss_plant::Plant;
 
-/// Standard deviations of a hypothesis' coordinates that go without saying; `None` where there is no such thing.
+/// Standard deviations of a hypothesis' coordinates that come in for nothing; `None` where there is no such thing.
 pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>> {
-    if hypothesis.is_discrete || hypothesis.has_shape {
+    // A shape of no strength cannot be felt.
+    if hypothesis.has_shape { None } else { unsaid(hypothesis, plant) }
+}
+
+/// Standard deviations of a hypothesis' coordinates that go without saying; of one with a shape, of its strength.
+pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>> {
+    if hypothesis.is_discrete {
         return None;
     }
     let effect = &hypothesis.nominal;
@@ -46,6 +52,9 @@ pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f6
         "torque_constant" | "thruster_gain" if effect.index().is_some() => vec![3e-3],
         "torque_sensor" => vec![1e-3, 3e-3],
         "thruster_misalignment" => vec![2e-3],
+        "tether_linear" => vec![2.0 * shift * mass_kg],
+        "tether_torsion" => vec![turn * inertia_kg_m2],
+        "joint_spring" | "joint_stribeck_friction" => vec![3e-3],
         "joint_backlash" => vec![1e-4],
         "joint_flexibility" => vec![1.5e-5],
         _ => return None,

@@ -44,6 +44,16 @@ pub(crate) fn describe(contest: &Contest, refined: &Refined, runs: &[Run]) -> Re
         depends_on.extend(place_and_speed(&closing, runs));
     }
     depends_on.retain(|(_, share)| *share > WORTH_SAYING);
+    let air = contest.air(refined);
+    if air.is_too_strong() {
+        let (axis, times) = air.strongest();
+        // The share is of what stands above the air that the plant file tells of.
+        let share = 1.0 - 1.0 / (times * times);
+        depends_on.push((
+            format!("a force on the base, strongest {axis}: {times:.1} times what the room's air makes"),
+            share,
+        ));
+    }
     depends_on.sort_by(|a, b| b.1.total_cmp(&a.1));
     let worst = contest.worst(refined);
     Ok(Unexplained { mean_square: refined.chi2 / refined.freedom.max(1.0), worst, closing, depends_on })

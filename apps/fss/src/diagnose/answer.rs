@@ -13,6 +13,9 @@ pub struct Answer {
     misfit: Vec<Misfit>,
     gain: Gain,
     extended_model: String,
+    /// What was left out of the records, and what is not as the plant file says of them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
     /// Fits that came nearest where nothing is asserted.
     suspects: Vec<CauseAnswer>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -103,6 +106,7 @@ impl Answer {
             gain: Gain { ratio_before: diagnosis.gain.before, ratio_after: diagnosis.gain.after, noise_floor: 1.0 },
             extended_model: extended.to_owned(),
             suspects: diagnosis.suspects.iter().map(cause).collect(),
+            remarks: diagnosis.remarks.clone(),
             unexplained: diagnosis.unexplained.as_ref().map(|u| Unexplained {
                 mean_square: u.mean_square,
                 channel: u.worst.as_ref().map(|w| w.0.clone()),

@@ -9,6 +9,7 @@ pub const FAR: f64 = 1.3;
 
 /// Prints it.
 pub fn print(diagnosis: &Diagnosis) {
+    diagnosis.remarks.iter().for_each(|remark| println!("{remark}"));
     table(diagnosis);
     println!("\n{}", headline(diagnosis));
     for cause in &diagnosis.causes {

@@ -1,6 +1,7 @@
 //! The contest of possible causes: screened all at once by what a linear fit would gain, the best refitted with the real
 //! simulation, taken one after the other as long as the data insist.
 
+mod noise;
 mod refine;
 mod screen;
 mod select;
@@ -20,9 +21,8 @@ use crate::tolerance::tolerance;
 use crate::trial::Trial;
 use crate::uncertain::{Uncertain, uncertain};
 use fss_multibody::ModelError;
-use fss_plant::Plant;
+use fss_plant::{Effect, Plant};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use std::collections::BTreeMap;
 
 /// Everything that the contest is about.
 pub(crate) struct Contest {
@@ -30,6 +30,8 @@ pub(crate) struct Contest {
     pub(crate) evidence: Evidence,
     pub(crate) uncertain: Vec<Uncertain>,
     pub(crate) hypotheses: Vec<Hypothesis>,
+    /// Which raw column stands where in the screen, and times what.
+    order: Vec<(usize, f64)>,
     /// First column of each hypothesis in the screen.
     first: Vec<usize>,
     /// Of each cell: what may be absorbed (unit normal a priori), then the hypotheses' coordinates.
@@ -50,6 +52,8 @@ pub(crate) struct Reduced {
     pub(crate) normal: Normal,
     /// The nuisances at the solution without any column.
     pub(crate) nuisance: DVector<f64>,
+    /// What the nuisances would take of each column.
+    pub(crate) by_column: DMatrix<f64>,
 }
 
 impl Contest {
@@ -59,31 +63,47 @@ impl Contest {
         let evidence = Evidence::gather(&trial, runs, windows)?;
         let uncertain = uncertain(plant);
         let hypotheses = hypotheses(plant, runs);
-        let raw = evidence.sensitivities(&trial, &uncertain, &hypotheses)?;
         let (order, nuisance_count, first) = arrange(plant, &uncertain, &hypotheses);
-        let columns: Vec<DMatrix<f64>> = raw
-            .columns
-            .iter()
-            .map(|m| DMatrix::from_fn(m.nrows(), order.len(), |r, c| m[(r, order[c].0)] * order[c].1))
-            .collect();
-        let screen = normals(&evidence.cells, &columns);
-        let contest = Self {
+        let mut contest = Self {
             trial,
             evidence,
             uncertain,
             hypotheses,
+            order,
             first,
-            screen,
-            columns,
+            screen: Vec::new(),
+            columns: Vec::new(),
             nuisance_count,
             unit: 1.0,
             factor: None,
         };
-        Ok(contest.with_unit(1.0))
+        contest.linearize(&[])?;
+        if contest.loosen() {
+            contest.centre(&[])?;
+        }
+        Ok(contest)
     }
 
-    /// The same where whitened rows have mean square `unit` at best.
-    pub(crate) fn with_unit(mut self, unit: f64) -> Self {
+    /// Fits the windows' own unknowns anew under the plant with these effects, and asks there how everything would show.
+    pub(crate) fn centre(&mut self, effects: &[Effect]) -> Result<(), ModelError> {
+        self.evidence.settle(&self.trial_with(effects))?;
+        self.linearize(effects)
+    }
+
+    /// Columns of everything that could be otherwise, around the plant with these effects.
+    fn linearize(&mut self, effects: &[Effect]) -> Result<(), ModelError> {
+        let raw = self.evidence.sensitivities(&self.trial_with(effects), &self.uncertain, &self.hypotheses)?;
+        let arranged = |m: &DMatrix<f64>| {
+            DMatrix::from_fn(m.nrows(), self.order.len(), |r, c| m[(r, self.order[c].0)] * self.order[c].1)
+        };
+        self.columns = raw.columns.iter().map(arranged).collect();
+        self.screen = normals(&self.evidence.cells, &self.columns);
+        self.set_unit(self.unit);
+        Ok(())
+    }
+
+    /// From now on whitened rows have mean square `unit` at best.
+    pub(crate) fn set_unit(&mut self, unit: f64) {
         let n = self.nuisance_count;
         let mut own = unit * DMatrix::identity(n, n);
         for cell in &self.screen {
@@ -91,7 +111,6 @@ impl Contest {
         }
         self.unit = unit;
         self.factor = own.cholesky();
-        self
     }
 
     /// Whether every window's motion must be fitted anew wherever the plant changes.
@@ -142,38 +161,22 @@ impl Contest {
         normal.c -= right.dot(&nuisance);
         normal.b -= cross.tr_mul(&nuisance);
         normal.g -= cross.tr_mul(&by_column);
-        Reduced { normal, nuisance }
+        Reduced { normal, nuisance, by_column }
+    }
+
+    /// Columns with what the nuisances absorb of them taken off.
+    fn clear_of(&self, columns: &[Column], by_column: &DMatrix<f64>) -> Vec<Column> {
+        let n = self.nuisance_count;
+        let clear = |(a, column): (usize, &Column)| {
+            column.iter().zip(&self.columns).map(|(c, j)| c - j.columns(0, n) * by_column.column(a)).collect()
+        };
+        columns.iter().enumerate().map(clear).collect()
     }
 
     /// Residuals with what the nuisances explain taken off.
     pub(crate) fn unexplained(&self, residuals: &[DVector<f64>], nuisance: &DVector<f64>) -> Vec<DVector<f64>> {
         let n = self.nuisance_count;
         residuals.iter().zip(&self.columns).map(|(r, j)| r - j.columns(0, n) * nuisance).collect()
-    }
-
-    /// The channel of a run that stands out most from its noise: channel, run, RMS of its whitened rows. Gyro and torques
-    /// count half: between two reports a joint moves in ways that nothing tells, and they feel it first.
-    pub(crate) fn worst(&self, refined: &Refined) -> Option<(String, String, f64)> {
-        let left = self.unexplained(&refined.residuals, &refined.nuisance);
-        let mut sums: BTreeMap<(usize, usize), (f64, usize)> = BTreeMap::new();
-        for (cell, residual) in self.evidence.cells.iter().zip(&left) {
-            let span = &self.evidence.records[cell.record].spans()[cell.window];
-            for (row, r) in span.whitening.iter().zip(residual.iter()) {
-                let sum = sums.entry((cell.record, row.channel)).or_default();
-                sum.0 += r * r;
-                sum.1 += 1;
-            }
-        }
-        let rms = |(key, (sum, count)): (&(usize, usize), &(f64, usize))| (*key, (sum / *count as f64).sqrt());
-        let weight = |(record, channel): (usize, usize)| {
-            let name = &self.evidence.records[record].channels()[channel];
-            if name.starts_with("base") || name.starts_with("ee") || name.starts_with('q') { 1.0 } else { 0.5 }
-        };
-        let weighed = |a: &((usize, usize), f64)| a.1 * weight(a.0);
-        let ((record, channel), rms) = sums.iter().map(rms).max_by(|a, b| weighed(a).total_cmp(&weighed(b)))?;
-        let rms = rms * weight((record, channel));
-        let record = &self.evidence.records[record];
-        Some((record.channels()[channel].clone(), record.name().to_owned(), rms))
     }
 
     /// The plant with its uncertain values where the nuisances put them.

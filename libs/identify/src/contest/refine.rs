@@ -31,6 +31,8 @@ pub(crate) struct Refined {
     pub(crate) residuals: Vec<DVector<f64>>,
     /// Columns of the parameters at the solution.
     pub(crate) columns: Vec<Column>,
+    /// The same with what the nuisances absorb of them taken off.
+    pub(crate) clear: Vec<Column>,
 }
 
 struct Point {
@@ -41,10 +43,10 @@ struct Point {
 
 impl Contest {
     /// The plant as it is, no cause taken.
-    pub(crate) fn nothing(&self) -> Refined {
-        let residuals: Vec<DVector<f64>> = self.evidence.cells.iter().map(|c| c.residual.clone()).collect();
-        let Reduced { normal, nuisance } = self.reduce(&residuals, &[]);
-        Refined {
+    pub(crate) fn nothing(&self) -> Result<Refined, ModelError> {
+        let residuals = self.evidence.residuals(&self.trial, &self.evidence.cells)?;
+        let Reduced { normal, nuisance, .. } = self.reduce(&residuals, &[]);
+        Ok(Refined {
             hypotheses: Vec::new(),
             effects: Vec::new(),
             chi2: normal.c,
@@ -53,7 +55,8 @@ impl Contest {
             nuisance,
             residuals,
             columns: Vec::new(),
-        }
+            clear: Vec::new(),
+        })
     }
 
     /// Fits the parameters of `effects`, beginning at their values.
@@ -75,6 +78,7 @@ impl Contest {
         }
         let all: Vec<usize> = (0..columns.len()).collect();
         let covariance = reduced.normal.fit(&all).covariance;
+        let clear = self.clear_of(&columns, &reduced.by_column);
         Ok(Refined {
             hypotheses: hypotheses.to_vec(),
             effects: now.effects,
@@ -84,6 +88,7 @@ impl Contest {
             nuisance: reduced.nuisance,
             residuals: now.residuals,
             columns,
+            clear,
         })
     }
 

@@ -3,7 +3,7 @@
 use super::screen::Screened;
 use super::{Contest, Refined};
 use crate::normal::Normal;
-use crate::tolerance::tolerance;
+use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
 use nalgebra::DVector;
@@ -20,7 +20,7 @@ const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
 /// What a cause must gain (fall of the sum of squares, in units of what noise and everything unexplained make of one degree
 /// of freedom) before anybody is told of it.
-const LEAST_GAIN: f64 = 45.0;
+const LEAST_GAIN: f64 = 60.0;
 /// More where its beginning was chosen too.
 const LEAST_GAIN_OF_ONSET: f64 = 100.0;
 /// A cause within so many of the deviations that go without saying is not worth a name.
@@ -28,8 +28,12 @@ const WORTH_SAYING: f64 = 3.0;
 /// And the share of what is still unexplained.
 const LEAST_SHARE: f64 = 0.12;
 const LEAST_SHARE_OF_ONSET: f64 = 0.4;
+/// Mean square up to which nothing counts as unexplained there.
+const NEARLY_ALL: f64 = 1.25;
 /// What a left-out run must keep of the gain.
 const LEAST_KEPT: f64 = 0.3;
+/// Mean square by which whitened rows may move before everything is linearized anew.
+const FAR: f64 = 1.0;
 /// How many of its standard deviations one of several causes must be away from nothing.
 const LEAST_CLEARNESS: f64 = 3.0;
 /// Correlation of residuals that no model has: differences of sums of squares count for so many times less.
@@ -68,8 +72,9 @@ pub(crate) struct Selection {
 
 impl Contest {
     /// Takes causes as long as the data insist, at most so many.
-    pub(crate) fn select(&self, most: usize, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
-        let before = self.nothing();
+    pub(crate) fn select(&mut self, most: usize, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
+        let before = self.nothing()?;
+        let mut centre = before.clone();
         let mut after = before.clone();
         let mut rivals: Vec<Vec<Refined>> = Vec::new();
         let mut screened = Vec::new();
@@ -83,6 +88,13 @@ impl Contest {
             let Some(best) = contest.iter().find(|next| self.insists(&after, next)) else { break };
             after = best.clone();
             rivals.push(contest);
+            if self.is_far(&centre, &after) {
+                say("fitting the windows anew");
+                self.centre(&after.effects)?;
+                after = self.refine(&after.hypotheses, &after.effects)?;
+                centre = after.clone();
+                rivals.clear();
+            }
         }
         say("weighing the alternatives");
         let mut after = self.without_idle(after)?;
@@ -102,6 +114,12 @@ impl Contest {
         }
         let taken = self.weigh(&after, &others)?;
         Ok(Selection { before, after, taken, screened })
+    }
+
+    /// Whether the rows have moved so far that what was linear around `centre` is so no more.
+    fn is_far(&self, centre: &Refined, now: &Refined) -> bool {
+        let moved: f64 = centre.residuals.iter().zip(&now.residuals).map(|(a, b)| (a - b).norm_squared()).sum();
+        !self.is_chaotic() && moved > FAR * now.freedom
     }
 
     /// The best of the screen, each refitted beside the causes taken already; best first.
@@ -148,7 +166,8 @@ impl Contest {
     /// Whether the data insist on the last cause of `next`.
     fn insists(&self, now: &Refined, next: &Refined) -> bool {
         let gain = now.chi2 - next.chi2;
-        let excess = now.chi2 - now.freedom;
+        // Where nearly all is explained, a small share of the rest is worth telling too.
+        let excess = now.chi2 - NEARLY_ALL * now.freedom;
         let share = if excess > 0.0 { gain / excess } else { 1.0 };
         let last = next.effects.len() - 1;
         let idle = self.hypotheses[next.hypotheses[last]].is_idle(&next.effects[last]);
@@ -167,7 +186,7 @@ impl Contest {
     /// Whether a cause is beyond what every laboratory is off by.
     fn is_worth_saying(&self, refined: &Refined, which: usize) -> bool {
         let hypothesis = &self.hypotheses[refined.hypotheses[which]];
-        let Some(sds) = tolerance(hypothesis, &self.trial.plant) else { return true };
+        let Some(sds) = unsaid(hypothesis, &self.trial.plant) else { return true };
         let (values, nominal) = (refined.effects[which].values(), hypothesis.nominal.values());
         if hypothesis.is_compliance() {
             return 1.0 / values[0] > WORTH_SAYING * sds[0];
@@ -198,7 +217,7 @@ impl Contest {
         let keep = |i: &usize| *i != which;
         let hypotheses: Vec<usize> = (0..from.hypotheses.len()).filter(keep).map(|i| from.hypotheses[i]).collect();
         let effects: Vec<Effect> = (0..from.effects.len()).filter(keep).map(|i| from.effects[i].clone()).collect();
-        if hypotheses.is_empty() { Ok(self.nothing()) } else { self.refine(&hypotheses, &effects) }
+        if hypotheses.is_empty() { self.nothing() } else { self.refine(&hypotheses, &effects) }
     }
 
     /// A cause among several whose size is not known well enough to say that it is there; windows that disagree about it
@@ -248,7 +267,11 @@ impl Contest {
         let mut at = 0;
         for (i, (h, effect)) in after.hypotheses.iter().zip(&after.effects).enumerate() {
             let count = if self.hypotheses[*h].is_discrete { 0 } else { effect.values().len() };
-            let std = (at..at + count).map(|k| spread[k]).collect();
+            let mut std: Vec<f64> = (at..at + count).map(|k| spread[k]).collect();
+            if self.hypotheses[*h].is_compliance() {
+                // Fitted by its inverse.
+                std[0] *= effect.values()[0].powi(2);
+            }
             at += count;
             let without = self.refine_without(after, i)?;
             let others = &rivals[i];
@@ -326,7 +349,7 @@ impl Contest {
         let left = self.unexplained(&after.residuals, &after.nuisance);
         let mut scatter = nalgebra::DMatrix::<f64>::zeros(p, p);
         for (i, residual) in left.iter().enumerate() {
-            let gradient = DVector::from_fn(p, |k, _| after.columns[k][i].dot(residual));
+            let gradient = DVector::from_fn(p, |k, _| after.clear[k][i].dot(residual));
             scatter += &gradient * gradient.transpose();
         }
         let clustered = &after.covariance * scatter * &after.covariance;
@@ -352,9 +375,9 @@ impl Contest {
         let normals: Vec<Normal> = (0..left.len())
             .map(|i| Normal {
                 g: nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| {
-                    refined.columns[own[a]][i].dot(&refined.columns[own[b]][i])
+                    refined.clear[own[a]][i].dot(&refined.clear[own[b]][i])
                 }),
-                b: DVector::from_fn(own.len(), |a, _| refined.columns[own[a]][i].dot(&left[i])),
+                b: DVector::from_fn(own.len(), |a, _| refined.clear[own[a]][i].dot(&left[i])),
                 c: 0.0,
                 freedom: 0.0,
             })
