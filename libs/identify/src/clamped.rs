@@ -91,10 +91,6 @@ impl Record for Clamped {
         &self.spans
     }
 
-    fn spans_mut(&mut self) -> &mut [Span] {
-        &mut self.spans
-    }
-
     fn feels(&self, effect: &Effect) -> bool {
         matches!(effect.about().place, Place::Joint | Place::Mass | Place::Time | Place::Base)
     }

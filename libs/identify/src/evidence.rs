@@ -38,6 +38,8 @@ pub(crate) struct Cell {
     pub(crate) unknowns: Vec<f64>,
     /// Orthonormal columns: what the window's own unknowns can do to the whitened rows.
     absorbed: DMatrix<f64>,
+    /// How much each row counts, once what the unknowns can do is taken off.
+    weights: DVector<f64>,
     /// What is left of the whitened residual.
     pub(crate) residual: DVector<f64>,
     /// Degrees of freedom.
@@ -106,7 +108,10 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
                 }
                 let start = old.map(|c| &c.unknowns);
                 let of = |x: &[Vec<f64>]| flight.residuals(w, x);
-                let fresh = Cell::fit(r, w, span, start.unwrap_or(&span.guess), rounds, &of);
+                let mut fresh = Cell::fit(r, w, span, start.unwrap_or(&span.guess), rounds, &of);
+                if let (Some(cell), Some(old)) = (&mut fresh, old) {
+                    cell.weigh(old.weights.clone());
+                }
                 // A cell that was there stays there, or sums over cells could not be compared.
                 fresh.or_else(|| old.cloned())
             })
@@ -154,6 +159,7 @@ impl Cell {
                 to_s: span.to_s,
                 unknowns: unknowns.clone(),
                 absorbed,
+                weights: DVector::from_element(residual.len(), 1.0),
                 residual: left,
                 freedom: (residual.len() as f64 - n as f64).max(1.0),
             });
@@ -171,6 +177,12 @@ impl Cell {
         1.0 - self.absorbed.row(row).norm_squared()
     }
 
+    /// From now on rows count for so much.
+    pub(crate) fn weigh(&mut self, weights: DVector<f64>) {
+        self.residual.component_mul_assign(&weights);
+        self.weights = weights;
+    }
+
     /// Whitens rows and takes off what the window's own unknowns absorb.
     pub(crate) fn project(&self, span: &Span, rows: &[f64]) -> DVector<f64> {
         let white = span.whiten(rows);
@@ -180,8 +192,8 @@ impl Cell {
         for i in 0..prior {
             all[white.len() + i] = -self.unknowns[self.unknowns.len() - prior + i];
         }
-        let absorbed = self.absorbed.transpose() * &all;
-        all - &self.absorbed * absorbed
+        let absorbed = self.absorbed.tr_mul(&all);
+        (all - &self.absorbed * absorbed).component_mul(&self.weights)
     }
 }
 

@@ -15,11 +15,6 @@ const LARGEST_CHANGE: f64 = 2.0;
 /// And one that changes them by less drowns in rounding.
 const SMALLEST_CHANGE: f64 = 1e-6;
 
-/// Sensitivities of the projected, whitened rows of every cell: one matrix a cell, one column a coordinate.
-pub(crate) struct Sensitivities {
-    pub(crate) columns: Vec<DMatrix<f64>>,
-}
-
 /// One column: a vector a cell.
 pub(crate) type Column = Vec<DVector<f64>>;
 
@@ -103,8 +98,8 @@ impl Evidence {
         &self,
         trial: &Trial,
         uncertain: &[Uncertain],
-        hypotheses: &[Hypothesis],
-    ) -> Result<Sensitivities, ModelError> {
+        hypotheses: &[&Hypothesis],
+    ) -> Result<Vec<Column>, ModelError> {
         const STEP: f64 = 0.5;
         let of_value = |u: &Uncertain| -> Result<Vec<Column>, ModelError> {
             let moved = Trial { plant: u.moved(&trial.plant, STEP), effects: trial.effects.clone() };
@@ -113,7 +108,7 @@ impl Evidence {
         };
         let mut all: Vec<Column> =
             uncertain.par_iter().map(of_value).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
-        let of_hypothesis = |h: &Hypothesis| match trial.effects.iter().position(|e| !h.is_discrete && h.is_of(e)) {
+        let of_hypothesis = |h: &&Hypothesis| match trial.effects.iter().position(|e| !h.is_discrete && h.is_of(e)) {
             Some(acting) => {
                 let mut rest = trial.clone();
                 let effect = rest.effects.remove(acting);
@@ -123,24 +118,12 @@ impl Evidence {
         };
         let of_hypotheses = hypotheses.par_iter().map(of_hypothesis);
         all.extend(of_hypotheses.collect::<Result<Vec<_>, _>>()?.into_iter().flatten());
-        Ok(Sensitivities { columns: stack(&self.cells, &all) })
+        Ok(all)
     }
 }
 
 fn largest_rms(column: &Column) -> f64 {
     column.iter().map(|c| c.norm() / (c.len() as f64).sqrt()).fold(0.0, f64::max)
-}
-
-/// One matrix a cell from columns.
-pub(crate) fn stack(cells: &[Cell], columns: &[Column]) -> Vec<DMatrix<f64>> {
-    let of_cell = |i: usize| {
-        let mut matrix = DMatrix::zeros(cells[i].residual.len(), columns.len());
-        for (mut own, column) in matrix.column_iter_mut().zip(columns) {
-            own.copy_from(&column[i]);
-        }
-        matrix
-    };
-    (0..cells.len()).map(of_cell).collect()
 }
 
 /// Normal equations of each cell.

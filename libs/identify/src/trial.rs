@@ -72,13 +72,6 @@ pub(crate) struct Whitened {
 }
 
 impl Span {
-    /// Makes the whitened rows of a channel count for less.
-    pub(crate) fn loosen(&mut self, channel: usize, by: f64) {
-        for row in self.whitening.iter_mut().filter(|row| row.channel == channel) {
-            row.sum.iter_mut().for_each(|(_, weight)| *weight *= by);
-        }
-    }
-
     /// Rows made white: variance 1 each and independent, where the plant is as simulated.
     pub(crate) fn whiten(&self, rows: &[f64]) -> Vec<f64> {
         self.whitening.iter().map(|w| w.sum.iter().map(|(row, weight)| weight * rows[*row as usize]).sum()).collect()
@@ -93,8 +86,6 @@ pub(crate) trait Record: Sync + Send {
     fn channels(&self) -> &[String];
     /// The windows.
     fn spans(&self) -> &[Span];
-    /// The windows, to be changed.
-    fn spans_mut(&mut self) -> &mut [Span];
     /// The run under a trial.
     fn flight<'a>(&'a self, trial: &Trial) -> Result<Box<dyn Flight + 'a>, ModelError>;
     /// Whether an effect can make itself felt in this run at all.

@@ -30,10 +30,7 @@ pub(crate) struct Contest {
     pub(crate) evidence: Evidence,
     pub(crate) uncertain: Vec<Uncertain>,
     pub(crate) hypotheses: Vec<Hypothesis>,
-    /// Which raw column stands where in the screen, and times what.
-    order: Vec<(usize, f64)>,
-    /// First column of each hypothesis in the screen.
-    first: Vec<usize>,
+    order: Order,
     /// Of each cell: what may be absorbed (unit normal a priori), then the hypotheses' coordinates.
     screen: Vec<Normal>,
     columns: Vec<DMatrix<f64>>,
@@ -63,43 +60,55 @@ impl Contest {
         let evidence = Evidence::gather(&trial, runs, windows)?;
         let uncertain = uncertain(plant);
         let hypotheses = hypotheses(plant, runs);
-        let (order, nuisance_count, first) = arrange(plant, &uncertain, &hypotheses);
+        let order = Order::new(plant, &uncertain, &hypotheses);
+        let columns = evidence.cells.iter().map(|c| DMatrix::zeros(c.residual.len(), order.width)).collect();
+        let nuisance_count = order.nuisance_count;
         let mut contest = Self {
             trial,
             evidence,
             uncertain,
             hypotheses,
             order,
-            first,
             screen: Vec::new(),
-            columns: Vec::new(),
+            columns,
             nuisance_count,
             unit: 1.0,
             factor: None,
         };
-        contest.linearize(&[])?;
-        if contest.loosen() {
-            contest.centre(&[])?;
-        }
+        let all: Vec<usize> = (0..contest.hypotheses.len()).collect();
+        contest.linearize(&[], &all)?;
+        contest.loosen();
         Ok(contest)
     }
 
-    /// Fits the windows' own unknowns anew under the plant with these effects, and asks there how everything would show.
-    pub(crate) fn centre(&mut self, effects: &[Effect]) -> Result<(), ModelError> {
+    /// Fits the windows' own unknowns anew under the plant with these effects, and asks there how uncertain values and some
+    /// of the hypotheses would show.
+    pub(crate) fn centre(&mut self, effects: &[Effect], hypotheses: &[usize]) -> Result<(), ModelError> {
         self.evidence.settle(&self.trial_with(effects))?;
-        self.linearize(effects)
+        self.linearize(effects, hypotheses)
     }
 
-    /// Columns of everything that could be otherwise, around the plant with these effects.
-    fn linearize(&mut self, effects: &[Effect]) -> Result<(), ModelError> {
-        let raw = self.evidence.sensitivities(&self.trial_with(effects), &self.uncertain, &self.hypotheses)?;
-        let arranged = |m: &DMatrix<f64>| {
-            DMatrix::from_fn(m.nrows(), self.order.len(), |r, c| m[(r, self.order[c].0)] * self.order[c].1)
-        };
-        self.columns = raw.columns.iter().map(arranged).collect();
+    /// Columns of uncertain values and some hypotheses, around the plant with these effects.
+    fn linearize(&mut self, effects: &[Effect], hypotheses: &[usize]) -> Result<(), ModelError> {
+        let asked: Vec<&Hypothesis> = hypotheses.iter().map(|h| &self.hypotheses[*h]).collect();
+        let fresh = self.evidence.sensitivities(&self.trial_with(effects), &self.uncertain, &asked)?;
+        let own =
+            hypotheses.iter().flat_map(|h| (0..self.hypotheses[*h].size()).map(|i| self.order.coordinate[*h] + i));
+        for (coordinate, column) in (0..self.uncertain.len()).chain(own).zip(fresh) {
+            for (place, factor) in &self.order.places[coordinate] {
+                for (matrix, rows) in self.columns.iter_mut().zip(&column) {
+                    matrix.set_column(*place, &(rows * *factor));
+                }
+            }
+        }
+        self.sum_up();
+        Ok(())
+    }
+
+    /// Normal equations of the columns.
+    fn sum_up(&mut self) {
         self.screen = normals(&self.evidence.cells, &self.columns);
         self.set_unit(self.unit);
-        Ok(())
     }
 
     /// From now on whitened rows have mean square `unit` at best.
@@ -120,12 +129,12 @@ impl Contest {
 
     /// Number of columns in the screen.
     fn width(&self) -> usize {
-        self.columns.first().map_or(0, DMatrix::ncols)
+        self.order.width
     }
 
     /// Columns of a hypothesis in the screen.
     pub(crate) fn columns_of(&self, hypothesis: usize) -> Vec<usize> {
-        let first = self.first[hypothesis];
+        let first = self.order.first[hypothesis];
         (first..first + self.hypotheses[hypothesis].size()).collect()
     }
 
@@ -191,26 +200,43 @@ impl Contest {
     }
 }
 
-/// Which raw column stands where in the screen, and times what: uncertain values, tolerances, hypotheses.
-fn arrange(
-    plant: &Plant,
-    uncertain: &[Uncertain],
-    hypotheses: &[Hypothesis],
-) -> (Vec<(usize, f64)>, usize, Vec<usize>) {
-    let mut order: Vec<(usize, f64)> = (0..uncertain.len()).map(|i| (i, 1.0)).collect();
-    let mut raw = uncertain.len();
-    for hypothesis in hypotheses {
-        let sds = tolerance(hypothesis, plant).unwrap_or_default();
-        order.extend(sds.iter().take(hypothesis.size()).enumerate().map(|(i, sd)| (raw + i, *sd)));
-        raw += hypothesis.size();
+/// Where the columns of uncertain values and hypotheses stand in the screen, and times what.
+struct Order {
+    /// Of each uncertain value's or hypothesis' coordinate: its places.
+    places: Vec<Vec<(usize, f64)>>,
+    /// The first coordinate of each hypothesis among all.
+    coordinate: Vec<usize>,
+    /// The first column of each hypothesis in the screen.
+    first: Vec<usize>,
+    /// How many columns, the first ones, may absorb.
+    nuisance_count: usize,
+    width: usize,
+}
+
+impl Order {
+    /// Uncertain values, tolerances, hypotheses.
+    fn new(plant: &Plant, uncertain: &[Uncertain], hypotheses: &[Hypothesis]) -> Self {
+        let mut places: Vec<Vec<(usize, f64)>> = (0..uncertain.len()).map(|i| vec![(i, 1.0)]).collect();
+        let mut coordinate = Vec::with_capacity(hypotheses.len());
+        let mut width = uncertain.len();
+        for hypothesis in hypotheses {
+            coordinate.push(places.len());
+            let sds = tolerance(hypothesis, plant).unwrap_or_default();
+            for i in 0..hypothesis.size() {
+                let sd = sds.get(i).copied();
+                places.push(sd.map(|sd| (width, sd)).into_iter().collect());
+                width += usize::from(sd.is_some());
+            }
+        }
+        let nuisance_count = width;
+        let mut first = Vec::with_capacity(hypotheses.len());
+        for (hypothesis, coordinate) in hypotheses.iter().zip(&coordinate) {
+            first.push(width);
+            for i in 0..hypothesis.size() {
+                places[coordinate + i].push((width, 1.0));
+                width += 1;
+            }
+        }
+        Self { places, coordinate, first, nuisance_count, width }
     }
-    let nuisance_count = order.len();
-    let mut first = Vec::with_capacity(hypotheses.len());
-    let mut raw = uncertain.len();
-    for hypothesis in hypotheses {
-        first.push(order.len());
-        order.extend((0..hypothesis.size()).map(|i| (raw + i, 1.0)));
-        raw += hypothesis.size();
-    }
-    (order, nuisance_count, first)
 }

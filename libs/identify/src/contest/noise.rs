@@ -2,6 +2,7 @@
 
 use super::{Contest, Refined};
 use crate::normal::Normal;
+use crate::trial::Whitened;
 use nalgebra::DVector;
 use std::collections::BTreeMap;
 
@@ -106,10 +107,10 @@ impl Contest {
 
     /// Where all causes of the catalogue together leave a channel noisier than its sensor, the rest is taken for noise too:
     /// servos, say, that move between two reports otherwise than they were told. Not so of the base's own motion, which
-    /// is what everything is judged by. Gives whether there was any.
-    pub(super) fn loosen(&mut self) -> bool {
+    /// is what everything is judged by.
+    pub(super) fn loosen(&mut self) {
         if self.is_chaotic() {
-            return false;
+            return;
         }
         let width = self.width();
         let mut all = Normal::sum(width, self.screen.iter());
@@ -117,22 +118,30 @@ impl Contest {
             let prior = if i < self.nuisance_count { self.unit } else { 1e-6 * all.g[(i, i)].max(1e-12) };
             all.g[(i, i)] += prior;
         }
-        let Some(factor) = all.g.cholesky() else { return false };
+        let Some(factor) = all.g.cholesky() else { return };
         let value = factor.solve(&all.b);
         let left: Vec<DVector<f64>> =
             self.evidence.cells.iter().zip(&self.columns).map(|(cell, j)| &cell.residual - j * &value).collect();
-        let mut any = false;
-        for ((record, channel), scatter) in self.scatter(&left) {
-            let record = &mut self.evidence.records[record];
-            if record.channels()[channel].starts_with("base") || scatter.mean_square() < NOISY {
-                continue;
+        let noisy: BTreeMap<(usize, usize), f64> = self
+            .scatter(&left)
+            .into_iter()
+            .filter(|((record, channel), scatter)| {
+                !self.evidence.records[*record].channels()[*channel].starts_with("base")
+                    && scatter.mean_square() > NOISY
+            })
+            .map(|(which, scatter)| (which, 1.0 / scatter.mean_square().sqrt()))
+            .collect();
+        for (cell, columns) in self.evidence.cells.iter_mut().zip(&mut self.columns) {
+            let span = &self.evidence.records[cell.record].spans()[cell.window];
+            let factor = |row: &Whitened| noisy.get(&(cell.record, row.channel)).copied().unwrap_or(1.0);
+            let mut weights: Vec<f64> = span.whitening.iter().map(factor).collect();
+            weights.resize(cell.residual.len(), 1.0);
+            let weights = DVector::from_vec(weights);
+            for mut column in columns.column_iter_mut() {
+                column.component_mul_assign(&weights);
             }
-            any = true;
-            let by = 1.0 / scatter.mean_square().sqrt();
-            for span in record.spans_mut() {
-                span.loosen(channel, by);
-            }
+            cell.weigh(weights);
         }
-        any
+        self.sum_up();
     }
 }

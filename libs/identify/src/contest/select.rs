@@ -33,7 +33,9 @@ const NEARLY_ALL: f64 = 1.25;
 /// What a left-out run must keep of the gain.
 const LEAST_KEPT: f64 = 0.3;
 /// Mean square by which whitened rows may move before everything is linearized anew.
-const FAR: f64 = 1.0;
+const FAR: f64 = 2.0;
+/// So many of the best in the screen are asked anew then; what the others would do is taken to be as before.
+const ASKED_ANEW: usize = 50;
 /// How many of its standard deviations one of several causes must be away from nothing.
 const LEAST_CLEARNESS: f64 = 3.0;
 /// Correlation of residuals that no model has: differences of sums of squares count for so many times less.
@@ -90,7 +92,11 @@ impl Contest {
             rivals.push(contest);
             if self.is_far(&centre, &after) {
                 say("fitting the windows anew");
-                self.centre(&after.effects)?;
+                let near = self.screen(&after.residuals, &after.hypotheses).into_iter().take(ASKED_ANEW);
+                let mut asked: Vec<usize> = near.map(|s| s.hypothesis).chain(after.hypotheses.clone()).collect();
+                asked.sort_unstable();
+                asked.dedup();
+                self.centre(&after.effects, &asked)?;
                 after = self.refine(&after.hypotheses, &after.effects)?;
                 centre = after.clone();
                 rivals.clear();

@@ -62,10 +62,6 @@ impl Record for Floating {
         &self.spans
     }
 
-    fn spans_mut(&mut self) -> &mut [Span] {
-        &mut self.spans
-    }
-
     fn is_chaotic(&self) -> bool {
         false
     }
