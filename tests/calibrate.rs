@@ -1,37 +1,11 @@
 //! `fss calibrate` as a user calls it: the answers, and what it says of data that cannot answer.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod common;
+
+use common::{refused, succeed};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn fss(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_fss")).args(arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn succeed(arguments: &[&str]) -> String {
-    let output = fss(arguments);
-    assert!(output.status.success(), "fss {arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// Fails with all of `words`, whatever lines they are broken into.
-fn refused(arguments: &[&str], words: &[&str]) {
-    let output = fss(arguments);
-    let said = text(&output.stderr);
-    assert!(!output.status.success(), "fss {arguments:?} should be refused");
-    let flat = |text: &str| -> String {
-        text.chars().filter(|c| !c.is_whitespace() && !"│╭╰─·".contains(*c)).collect()
-    };
-    for word in words {
-        assert!(flat(&said).contains(&flat(word)), "fss {arguments:?} should say '{word}':\n{said}");
-    }
-    assert!(!said.contains("panicked"), "{said}");
-}
 
 fn plant() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../deploy/etc/plants/fss.toml").to_string_lossy().into_owned()

@@ -1,40 +1,12 @@
 //! The game that the project plays against itself: hidden effects, experiments, logs, answers.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod common;
+
+use common::{json, refused, succeed};
 use fss_messages::{MissionState, MocapPose, TruthState, topic};
 use fss_records::log::Log;
-use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn fss(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap()
-}
-
-#[track_caller]
-fn succeed(args: &[&str]) -> String {
-    let output = fss(args);
-    assert!(output.status.success(), "fss {args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-/// Runs a command that must fail with an error that says all of `words`.
-#[track_caller]
-fn refused(args: &[&str], words: &[&str]) {
-    let output = fss(args);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success(), "fss {args:?} should be refused");
-    let flat: String = said.chars().filter(|c| !c.is_whitespace() && !"│╭╰─·".contains(*c)).collect();
-    for word in words {
-        let word: String = word.chars().filter(|c| !c.is_whitespace()).collect();
-        assert!(flat.contains(&word), "fss {args:?} should say '{word}':\n{said}");
-    }
-    assert!(!said.contains("panicked"), "{said}");
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
-}
 
 const EXPERIMENTS: [&str; 6] = ["coast", "single-joint", "excitation", "thrusters", "mixed", "validation"];
 

@@ -1,12 +1,11 @@
 //! Faults on purpose, and a host that is looked at before it flies.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use std::path::Path;
-use std::process::{Command, Output};
+mod common;
 
-fn fss(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap()
-}
+use common::fss;
+use std::path::Path;
+use std::process::Command;
 
 fn summary(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(folder.join("summary.json")).unwrap()).unwrap()

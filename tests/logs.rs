@@ -1,12 +1,11 @@
 //! Logs in a user's hands: looked at, cut off, made whole.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Output, Stdio};
+mod common;
 
-fn fss(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap()
-}
+use common::fss;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 
 fn info(log: &str) -> serde_json::Value {
     let output = fss(&["log", "info", "--json", log]);

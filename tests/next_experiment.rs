@@ -1,14 +1,10 @@
 //! What a diagnosis could not decide, the next experiment does.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use std::path::Path;
-use std::process::Command;
+mod common;
 
-fn fss(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_fss")).args(arguments).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
+use common::succeed;
+use std::path::Path;
 
 /// A diagnosis that could not tell a thruster that leaks from a force that is fixed to the body.
 const UNDECIDED: &str = r#"{ "format": "fss-diagnosis/1", "verdict": "explained", "causes": [
@@ -26,13 +22,13 @@ fn a_maneuver_is_found_that_tells_a_tilted_table_from_a_force_of_the_body_and_it
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     let (mission, json, out) = (path("next.toml"), path("next.json"), path("out"));
     let plant = plant.to_string_lossy();
-    fss(&["next-experiment", &path(""), "--plant", &plant, "--out", &mission, "--json", &json]);
+    succeed(&["next-experiment", &path(""), "--plant", &plant, "--out", &mission, "--json", &json]);
     let ranked: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
     let separation = |k: usize| ranked[k]["separation"].as_f64().unwrap();
     let last = ranked.as_array().unwrap().len() - 1;
     assert!(separation(0) > 1.0, "{} times noise and disturbance", separation(0));
     assert!(separation(0) > 1.2 * separation(last), "{} and {}", separation(0), separation(last));
-    fss(&["run", &mission, "--fast", "--quiet", "--out", &out]);
+    succeed(&["run", &mission, "--fast", "--quiet", "--out", &out]);
     assert!(Path::new(&out).join("run.mcap").exists());
 }
 
@@ -42,7 +38,7 @@ fn where_nothing_is_undecided_it_says_so_and_writes_no_mission() {
     std::fs::write(folder.path().join("diagnosis.json"), r#"{ "causes": [] }"#).unwrap();
     let plant = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../deploy/etc/plants/fss.toml");
     let mission = folder.path().join("next.toml");
-    let said = fss(&[
+    let said = succeed(&[
         "next-experiment",
         &folder.path().to_string_lossy(),
         "--plant",

@@ -1,38 +1,12 @@
 //! Whole runs of the program, as a user starts them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod common;
+
+use common::{fss, refused, succeed, text};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-
-fn fss(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// Runs a command that must succeed.
-fn succeed(args: &[&str]) -> String {
-    let output = fss(args);
-    assert!(output.status.success(), "fss {args:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// Runs a command that must fail with one error that says all of `words`.
-fn refused(args: &[&str], words: &[&str]) {
-    let output = fss(args);
-    let said = text(&output.stderr);
-    assert!(!output.status.success(), "fss {args:?} should be refused");
-    // The frame that miette draws around an error breaks lines: compare without white space.
-    let flat: String = said.chars().filter(|c| !c.is_whitespace() && !"│╭╰─·".contains(*c)).collect();
-    for word in words {
-        let word: String = word.chars().filter(|c| !c.is_whitespace()).collect();
-        assert!(flat.contains(&word), "fss {args:?} should say '{word}':\n{said}");
-    }
-    assert!(!said.contains("panicked"), "{said}");
-}
 
 fn summary(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(folder.join("summary.json")).unwrap()).unwrap()

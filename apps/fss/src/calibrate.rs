@@ -30,13 +30,13 @@ pub enum CalibrateCommand {
     Plan(PlanArgs),
 }
 
-/// What `fss calibrate kinematic` takes.
+/// What every calibration reads and writes.
 #[derive(Args)]
-pub struct KinematicArgs {
+struct Files {
     /// Measured runs: folders in the format fss-experiment/1, or logs of `fss run`.
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Plant file: the first guess.
+    /// Plant file: the first guess, and whatever is not estimated.
     #[arg(long, value_name = "FILE")]
     plant: PathBuf,
     /// The calibrated plant file.
@@ -45,6 +45,13 @@ pub struct KinematicArgs {
     /// Write the answer as JSON here too.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// What `fss calibrate kinematic` takes.
+#[derive(Args)]
+pub struct KinematicArgs {
+    #[command(flatten)]
+    files: Files,
     /// A length of its own for each link; otherwise all but the last share one.
     #[arg(long)]
     each_length: bool,
@@ -68,9 +75,9 @@ fn read_plant(path: &Path) -> Result<Plant> {
 }
 
 fn kinematic(args: &KinematicArgs) -> Result<()> {
-    let plant = read_plant(&args.plant)?;
+    let plant = read_plant(&args.files.plant)?;
     let model = plant.nominal().model().into_diagnostic()?;
-    let measured = runs::read(&args.runs, &plant)?;
+    let measured = runs::read(&args.files.runs, &plant)?;
     let observe = |moving: bool| -> Vec<_> {
         let of = |run| kinematic::observations(run, plant.link_count(), plant.base.clamped, moving);
         measured.iter().flat_map(of).collect()
@@ -95,8 +102,8 @@ fn kinematic(args: &KinematicArgs) -> Result<()> {
     );
     answer::print(&estimate, &KINEMATIC);
     let text = plant_file::calibrated(&plant, &estimate).to_toml().into_diagnostic()?;
-    write(&args.out, &text)?;
-    if let Some(path) = &args.json {
+    write(&args.files.out, &text)?;
+    if let Some(path) = &args.files.json {
         let text = serde_json::to_string_pretty(&answer::json("kinematic", &estimate, &KINEMATIC)).into_diagnostic()?;
         write(path, &text)?;
     }

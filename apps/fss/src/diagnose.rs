@@ -4,6 +4,7 @@ mod answer;
 pub mod commands;
 pub mod log;
 mod page;
+pub mod read;
 pub mod runs;
 mod summary;
 

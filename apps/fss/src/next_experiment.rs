@@ -7,14 +7,14 @@
 
 use crate::challenge::twins::{Difference, Twins};
 use crate::diagnose::log;
+use crate::diagnose::read::{Cause, Diagnosis, read};
 use crate::run::fast;
 use crate::run::stack::{MISSIONS, Stack};
 use clap::Args;
 use fss_plant::{Effect, Plant};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// An alternative less probable than this is decided already.
@@ -46,31 +46,6 @@ pub struct NextExperimentArgs {
     json: Option<PathBuf>,
 }
 
-#[derive(Deserialize)]
-struct Diagnosis {
-    causes: Vec<Said>,
-    #[serde(default)]
-    suspects: Vec<Said>,
-}
-
-#[derive(Deserialize)]
-struct Said {
-    effect: String,
-    index: Option<usize>,
-    channel: Option<String>,
-    onset_s: Option<f64>,
-    probability: f64,
-    #[serde(default)]
-    parameters: BTreeMap<String, Value>,
-    #[serde(default)]
-    alternatives: Vec<Said>,
-}
-
-#[derive(Deserialize)]
-struct Value {
-    value: f64,
-}
-
 /// What one maneuver would show.
 #[derive(Serialize)]
 struct Candidate {
@@ -87,13 +62,7 @@ struct Candidate {
 
 /// Runs the command.
 pub fn run(args: &NextExperimentArgs) -> Result<()> {
-    let path = args.diagnosis.join("diagnosis.json");
-    let text = std::fs::read_to_string(&path)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot read {}: is it a folder of fss diagnose?", path.display()))?;
-    let diagnosis: Diagnosis = serde_json::from_str(&text)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot understand {}", path.display()))?;
+    let diagnosis = read(&args.diagnosis.join("diagnosis.json"))?;
     let (settled, rivals) = undecided(&diagnosis)?;
     if rivals.len() < 2 {
         println!("Nothing is undecided: no cause has an alternative with a probability of {STILL_POSSIBLE} or more.");
@@ -131,29 +100,12 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
 /// What is taken for settled, and the causes that are still possible in the place of the first undecided one.
 fn undecided(diagnosis: &Diagnosis) -> Result<(Vec<Effect>, Vec<Effect>)> {
     let all = if diagnosis.causes.is_empty() { &diagnosis.suspects } else { &diagnosis.causes };
-    let open = |said: &&Said| said.alternatives.iter().any(|a| a.probability >= STILL_POSSIBLE);
+    let open = |said: &&Cause| said.alternatives.iter().any(|a| a.probability >= STILL_POSSIBLE);
     let Some(first) = all.iter().find(open) else { return Ok((Vec::new(), Vec::new())) };
-    let settled = all.iter().filter(|said| !std::ptr::eq(*said, first)).map(effect).collect::<Result<_>>()?;
+    let settled = all.iter().filter(|said| !std::ptr::eq(*said, first)).map(Cause::effect).collect::<Result<_>>()?;
     let possible = first.alternatives.iter().filter(|a| a.probability >= STILL_POSSIBLE);
-    let rivals = std::iter::once(first).chain(possible).take(MOST_CAUSES).map(effect).collect::<Result<_>>()?;
+    let rivals = std::iter::once(first).chain(possible).take(MOST_CAUSES).map(Cause::effect).collect::<Result<_>>()?;
     Ok((settled, rivals))
-}
-
-fn effect(said: &Said) -> Result<Effect> {
-    let mut effect = Effect::new(&said.effect).into_diagnostic()?;
-    if let Some(index) = said.index {
-        effect = effect.at(index);
-    }
-    if let Some(channel) = &said.channel {
-        effect = effect.on(channel);
-    }
-    if let Some(onset_s) = said.onset_s {
-        effect = effect.from_onset(onset_s);
-    }
-    for (name, value) in &said.parameters {
-        effect.set(name, value.value).into_diagnostic()?;
-    }
-    Ok(effect)
 }
 
 /// Every candidate maneuver with what it would show.

@@ -31,6 +31,8 @@ const WARM_UP: u64 = 50;
 
 /// Tells the other side to stop.
 const LAST: u64 = u64::MAX;
+/// How long anybody waits for a sample.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// What the benchmark found.
 #[derive(Serialize)]
@@ -179,7 +181,7 @@ fn poll(mut ask: impl FnMut() -> Option<u64>) -> u64 {
             return sequence;
         }
         tries = tries.wrapping_add(1);
-        if tries.is_multiple_of(1 << 16) && start.get_or_insert_with(Instant::now).elapsed() > Duration::from_secs(1) {
+        if tries.is_multiple_of(1 << 16) && start.get_or_insert_with(Instant::now).elapsed() > PATIENCE {
             return 0;
         }
         std::hint::spin_loop();
@@ -322,13 +324,8 @@ impl<S: FnMut(&[u8]), R: FnMut(&mut [u8]) -> usize> End for SocketEnd<S, R> {
 fn unix_way(_: &str) -> Result<(Opener, Opener)> {
     let (near, far) = UnixDatagram::pair().into_diagnostic()?;
     let end = |socket: UnixDatagram| -> Result<Opener> {
-        socket.set_read_timeout(Some(Duration::from_secs(1))).into_diagnostic()?;
-        let socket = Arc::new(socket);
-        let other = socket.clone();
-        Ok(Box::new(move || {
-            let send = move |bytes: &[u8]| drop(socket.send(bytes));
-            Ok(Box::new(SocketEnd { send, receive: move |bytes: &mut [u8]| other.recv(bytes).unwrap_or(0) }))
-        }))
+        socket.set_read_timeout(Some(PATIENCE)).into_diagnostic()?;
+        Ok(socket_end(socket, UnixDatagram::send, UnixDatagram::recv))
     };
     Ok((end(near)?, end(far)?))
 }
@@ -339,13 +336,22 @@ fn udp_way(_: &str) -> Result<(Opener, Opener)> {
     near.connect(far.local_addr().into_diagnostic()?).into_diagnostic()?;
     far.connect(near.local_addr().into_diagnostic()?).into_diagnostic()?;
     let end = |socket: UdpSocket| -> Result<Opener> {
-        socket.set_read_timeout(Some(Duration::from_secs(1))).into_diagnostic()?;
-        let socket = Arc::new(socket);
-        let other = socket.clone();
-        Ok(Box::new(move || {
-            let send = move |bytes: &[u8]| drop(socket.send(bytes));
-            Ok(Box::new(SocketEnd { send, receive: move |bytes: &mut [u8]| other.recv(bytes).unwrap_or(0) }))
-        }))
+        socket.set_read_timeout(Some(PATIENCE)).into_diagnostic()?;
+        Ok(socket_end(socket, UdpSocket::send, UdpSocket::recv))
     };
     Ok((end(near)?, end(far)?))
+}
+
+/// One end of a pair of sockets.
+fn socket_end<S: Send + Sync + 'static>(
+    socket: S,
+    send: fn(&S, &[u8]) -> std::io::Result<usize>,
+    receive: fn(&S, &mut [u8]) -> std::io::Result<usize>,
+) -> Opener {
+    let socket = Arc::new(socket);
+    let other = socket.clone();
+    Box::new(move || {
+        let send = move |bytes: &[u8]| drop(send(&socket, bytes));
+        Ok(Box::new(SocketEnd { send, receive: move |bytes: &mut [u8]| receive(&other, bytes).unwrap_or(0) }))
+    })
 }

@@ -1,7 +1,7 @@
 //! `fss calibrate dynamic`.
 
 use super::answer::{self, Kind, write};
-use super::read_plant;
+use super::{Files, read_plant};
 use crate::diagnose::runs;
 use clap::{Args, ValueEnum};
 use fss_identify::calibrate::attitude::{self, Maneuver};
@@ -10,7 +10,6 @@ use fss_identify::calibrate::{CalibrationError, Estimate, write as plant_file};
 use fss_identify::measured::Run;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Report, Result, miette};
-use std::path::PathBuf;
 
 /// How.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -21,21 +20,11 @@ enum Method {
     Attitude,
 }
 
-/// What `fss calibrate dynamic` takes.
+/// What `fss calibrate dynamic` takes. Only times without thrust count.
 #[derive(Args)]
 pub struct DynamicArgs {
-    /// Measured runs: folders in the format fss-experiment/1, or logs of `fss run`. Only times without thrust count.
-    #[arg(required = true, value_name = "RUN")]
-    runs: Vec<PathBuf>,
-    /// Plant file: the first guess, and what is held: masses, unless --masses.
-    #[arg(long, value_name = "FILE")]
-    plant: PathBuf,
-    /// The calibrated plant file.
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
-    /// Write the answer as JSON here too.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    files: Files,
     /// What is read from the runs.
     #[arg(long, value_enum, default_value = "trajectory")]
     method: Method,
@@ -63,16 +52,16 @@ const HELP: &str = "a dynamic calibration needs base_pose.csv and joints.csv (or
 
 /// Runs the command.
 pub fn run(args: &DynamicArgs) -> Result<()> {
-    let plant = read_plant(&args.plant)?;
-    let measured = runs::read(&args.runs, &plant)?;
+    let plant = read_plant(&args.files.plant)?;
+    let measured = runs::read(&args.files.runs, &plant)?;
     let (estimate, kinds) = match args.method {
         Method::Trajectory => trajectory(args, &plant, &measured)?,
         Method::Attitude => attitude(&plant, &measured)?,
     };
     answer::print(&estimate, kinds);
     let text = plant_file::calibrated(&plant, &estimate).to_toml().into_diagnostic()?;
-    write(&args.out, &text)?;
-    if let Some(path) = &args.json {
+    write(&args.files.out, &text)?;
+    if let Some(path) = &args.files.json {
         let text = serde_json::to_string_pretty(&answer::json("dynamic", &estimate, kinds)).into_diagnostic()?;
         write(path, &text)?;
     }

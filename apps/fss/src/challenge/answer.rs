@@ -4,6 +4,7 @@
 //! answers in JSON. So no secret can leak to it.
 
 use super::hidden::Record;
+use crate::diagnose::read::{Cause, read};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -37,57 +38,22 @@ pub struct Answer {
     pub ratio_after: f64,
 }
 
-/// `fss-diagnosis/1`, as far as it counts here.
-#[derive(Deserialize)]
-struct Diagnosis {
-    verdict: String,
-    causes: Vec<Cause>,
-    gain: Gain,
-}
-
-#[derive(Deserialize)]
-struct Gain {
-    ratio_before: Option<f64>,
-    ratio_after: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct Cause {
-    effect: String,
-    index: Option<usize>,
-    channel: Option<String>,
-    onset_s: Option<f64>,
-    probability: f64,
-    #[serde(default)]
-    parameters: BTreeMap<String, Value>,
-    #[serde(default)]
-    alternatives: Vec<Cause>,
-}
-
-#[derive(Deserialize)]
-struct Value {
-    value: f64,
-    std: Option<f64>,
-}
-
-impl Cause {
-    fn record(&self) -> Record {
-        Record {
-            effect: self.effect.clone(),
-            index: self.index,
-            channel: self.channel.clone(),
-            onset_s: self.onset_s,
-            parameters: self.parameters.iter().map(|(name, v)| (name.clone(), v.value)).collect(),
-        }
+fn record(cause: &Cause) -> Record {
+    Record {
+        effect: cause.effect.clone(),
+        index: cause.index,
+        channel: cause.channel.clone(),
+        onset_s: cause.onset_s,
+        parameters: cause.parameters.iter().map(|(name, p)| (name.clone(), p.value)).collect(),
     }
+}
 
-    fn said(&self) -> Said {
-        Said {
-            record: self.record(),
-            std: self.parameters.iter().filter_map(|(name, v)| Some((name.clone(), v.std?))).collect(),
-            probability: self.probability,
-            alternatives: self.alternatives.iter().map(|a| (a.record(), a.probability)).collect(),
-        }
+fn said(cause: &Cause) -> Said {
+    Said {
+        record: record(cause),
+        std: cause.parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect(),
+        probability: cause.probability,
+        alternatives: cause.alternatives.iter().map(|other| (record(other), other.probability)).collect(),
     }
 }
 
@@ -111,13 +77,9 @@ pub fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usi
     if !done.status.success() {
         return Err(miette!("the diagnosis failed: {}", String::from_utf8_lossy(&done.stderr).trim()));
     }
-    let text =
-        std::fs::read_to_string(&json).into_diagnostic().wrap_err_with(|| format!("cannot read {}", json.display()))?;
-    let diagnosis: Diagnosis = serde_json::from_str(&text)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot understand {}", json.display()))?;
+    let diagnosis = read(&json)?;
     Ok(Answer {
-        causes: diagnosis.causes.iter().map(Cause::said).collect(),
+        causes: diagnosis.causes.iter().map(said).collect(),
         verdict: diagnosis.verdict,
         ratio_before: diagnosis.gain.ratio_before.unwrap_or(f64::MAX),
         ratio_after: diagnosis.gain.ratio_after.unwrap_or(f64::MAX),

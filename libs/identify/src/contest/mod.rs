@@ -6,6 +6,7 @@ mod refine;
 mod screen;
 mod select;
 mod sides;
+mod weigh;
 
 pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;

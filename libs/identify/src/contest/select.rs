@@ -2,11 +2,9 @@
 
 use super::screen::Screened;
 use super::{Contest, Refined};
-use crate::normal::Normal;
 use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
-use nalgebra::DVector;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -38,8 +36,6 @@ const FAR: f64 = 2.0;
 const ASKED_ANEW: usize = 50;
 /// How many of its standard deviations one of several causes must be away from nothing.
 const LEAST_CLEARNESS: f64 = 3.0;
-/// Correlation of residuals that no model has: differences of sums of squares count for so many times less.
-const TEMPER: f64 = 4.0;
 
 /// A cause that was taken, and what else it could be.
 #[derive(Clone)]
@@ -164,7 +160,7 @@ impl Contest {
     }
 
     /// Sum of squares and what each parameter costs: of two causes that fit alike, the one with fewer parameters.
-    fn cost(refined: &Refined) -> f64 {
+    pub(super) fn cost(refined: &Refined) -> f64 {
         let count: usize = refined.effects.iter().map(|e| e.values().len() + usize::from(e.onset_s().is_some())).sum();
         refined.chi2 + 12.0 * count as f64 * unit(refined)
     }
@@ -219,7 +215,7 @@ impl Contest {
         Ok(after)
     }
 
-    fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
+    pub(super) fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
         let keep = |i: &usize| *i != which;
         let hypotheses: Vec<usize> = (0..from.hypotheses.len()).filter(keep).map(|i| from.hypotheses[i]).collect();
         let effects: Vec<Effect> = (0..from.effects.len()).filter(keep).map(|i| from.effects[i].clone()).collect();
@@ -266,44 +262,6 @@ impl Contest {
             .collect()
     }
 
-    /// Each taken cause with its standard deviations, its rivals and its probability among them.
-    fn weigh(&self, after: &Refined, rivals: &[Vec<Refined>]) -> Result<Vec<Taken>, ModelError> {
-        let spread = self.spread(after);
-        let mut taken = Vec::new();
-        let mut at = 0;
-        for (i, (h, effect)) in after.hypotheses.iter().zip(&after.effects).enumerate() {
-            let count = if self.hypotheses[*h].is_discrete { 0 } else { effect.values().len() };
-            let mut std: Vec<f64> = (at..at + count).map(|k| spread[k]).collect();
-            if self.hypotheses[*h].is_compliance() {
-                // Fitted by its inverse.
-                std[0] *= effect.values()[0].powi(2);
-            }
-            at += count;
-            let without = self.refine_without(after, i)?;
-            let others = &rivals[i];
-            let scale = 2.0 * TEMPER * unit(after).max(1.0);
-            let weight = |r: &Refined| (-(Self::cost(r) - Self::cost(after)) / scale).exp();
-            let total = 1.0 + others.iter().map(weight).sum::<f64>();
-            let mut alternatives: Vec<Alternative> = others
-                .iter()
-                .map(|r| Alternative { effect: r.effects[i].clone(), probability: weight(r) / total })
-                .collect();
-            alternatives.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-            alternatives.retain(|a| a.probability > 1e-3);
-            alternatives.truncate(6);
-            taken.push(Taken {
-                effect: effect.clone(),
-                std,
-                probability: (1.0 / total).min(0.995),
-                gain: (without.chi2 - after.chi2) / unit(after),
-                kept: self.kept(after, i),
-                alternatives,
-            });
-        }
-        taken.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        Ok(taken)
-    }
-
     /// Other causes in the place of cause `i`, refitted beside the other causes taken.
     fn rivals_of(
         &self,
@@ -346,73 +304,6 @@ impl Contest {
             Ok(self.refine(&hypotheses, &effects).ok())
         };
         Ok(starts.par_iter().map(refit).collect::<Result<Vec<_>, ModelError>>()?.into_iter().flatten().collect())
-    }
-
-    /// Standard deviations of all parameters: the larger of what white rows and of what the scatter of the cells' own
-    /// gradients gives (clustered by window, since residuals are correlated within one).
-    fn spread(&self, after: &Refined) -> Vec<f64> {
-        let p = after.columns.len();
-        let left = self.unexplained(&after.residuals, &after.nuisance);
-        let mut scatter = nalgebra::DMatrix::<f64>::zeros(p, p);
-        for (i, residual) in left.iter().enumerate() {
-            let gradient = DVector::from_fn(p, |k, _| after.clear[k][i].dot(residual));
-            scatter += &gradient * gradient.transpose();
-        }
-        let clustered = &after.covariance * scatter * &after.covariance;
-        let floor = unit(after);
-        (0..p).map(|k| (after.covariance[(k, k)] * floor).max(clustered[(k, k)]).max(0.0).sqrt()).collect()
-    }
-
-    /// Share of the gain of cause `which` that runs keep which were left out of the fit of its parameters. Where one run alone
-    /// shows it, its windows by turns.
-    fn kept(&self, refined: &Refined, which: usize) -> f64 {
-        let counts: Vec<usize> = refined
-            .hypotheses
-            .iter()
-            .zip(&refined.effects)
-            .map(|(h, e)| if self.hypotheses[*h].is_discrete { 0 } else { e.values().len() })
-            .collect();
-        if counts[which] == 0 {
-            return 1.0; // nothing of it is fitted
-        }
-        let first: usize = counts[..which].iter().sum();
-        let own: Vec<usize> = (first..first + counts[which]).collect();
-        let left = self.unexplained(&refined.residuals, &refined.nuisance);
-        let normals: Vec<Normal> = (0..left.len())
-            .map(|i| Normal {
-                g: nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| {
-                    refined.clear[own[a]][i].dot(&refined.clear[own[b]][i])
-                }),
-                b: DVector::from_fn(own.len(), |a, _| refined.clear[own[a]][i].dot(&left[i])),
-                c: 0.0,
-                freedom: 0.0,
-            })
-            .collect();
-        let strength = |n: &Normal| n.g.trace();
-        let runs = self.evidence.records.len();
-        let of_run = |r: usize| -> f64 {
-            normals.iter().zip(&self.evidence.cells).filter(|(_, c)| c.record == r).map(|(n, _)| strength(n)).sum()
-        };
-        let total: f64 = normals.iter().map(strength).sum();
-        let by_run = (0..runs).filter(|r| of_run(*r) > 0.1 * total).count() >= 2;
-        let fold = |i: usize| if by_run { self.evidence.cells[i].record } else { i % 4 };
-        let folds: BTreeSet<usize> = (0..normals.len()).map(fold).collect();
-        let hypothesis = &self.hypotheses[refined.hypotheses[which]];
-        let nominal = hypothesis.nominal.values();
-        // From the solution back to nominal, along the columns.
-        let away = DVector::from_fn(own.len(), |k, _| nominal[k] - refined.effects[which].values()[k]);
-        let (mut kept, mut whole) = (0.0, 0.0);
-        for f in folds {
-            let rest =
-                Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) != f).map(|(_, n)| n));
-            let out = Normal::sum(own.len(), normals.iter().enumerate().filter(|(i, _)| fold(*i) == f).map(|(_, n)| n));
-            let columns: Vec<usize> = (0..own.len()).collect();
-            let value = rest.fit(&columns).value;
-            let nothing = out.change(&columns, &away);
-            kept += nothing - out.change(&columns, &value);
-            whole += nothing;
-        }
-        if whole > 0.0 { kept / whole } else { 0.0 }
     }
 }
 
