@@ -1,10 +1,12 @@
 //! What knowing the plant is worth: a vehicle that knows what is wrong with its laboratory flies better in it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod common;
+
+use common::succeed;
 use fss_messages::{TruthState, topic};
 use fss_records::log::Log;
 use std::path::Path;
-use std::process::Command;
 
 /// The base holds its pose while the arm moves its tip along a line.
 const REACH: &str = r#"
@@ -35,11 +37,6 @@ fn faulty() -> String {
     NOMINAL.replacen("[disturbance]", effects, 1)
 }
 
-fn fss(args: &[&str]) {
-    let output = Command::new(env!("CARGO_BIN_EXE_fss")).args(args).output().unwrap();
-    assert!(output.status.success(), "fss {args:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
-
 /// RMS of the base's distance from where it shall stay, and its largest, by the laboratory's own truth, m.
 fn deviation_m(log: &Path) -> (f64, f64) {
     let truth = Log::open(log).unwrap().samples::<TruthState>(topic::TRUTH_STATE.name).unwrap();
@@ -50,37 +47,36 @@ fn deviation_m(log: &Path) -> (f64, f64) {
 }
 
 #[test]
-fn a_controller_that_knows_the_tilt_and_the_weak_thruster_holds_the_base_better() {
+fn a_controller_that_learnt_of_the_tilt_and_the_weak_thruster_holds_the_base_better() {
     let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::write(&path, text).unwrap();
-        path.to_str().unwrap().to_owned()
+        std::fs::write(folder.path().join(name), text).unwrap();
+        path(name)
     };
     let mission = write("reach.toml", REACH);
     let (nominal, laboratory) = (write("nominal.toml", NOMINAL), write("laboratory.toml", &faulty()));
-    let fly = |plant: &str, seed: &str, name: &str| {
-        let out = folder.path().join(name);
-        let out_text = out.to_str().unwrap();
-        fss(&[
-            "run",
-            &mission,
-            "--fast",
-            "--quiet",
-            "--seed",
-            seed,
-            "--plant",
-            plant,
-            "--laboratory",
-            &laboratory,
-            "--out",
-            out_text,
-        ]);
-        deviation_m(&out.join("run.mcap"))
+    let fly = |mission: &str, plant: &str, seed: &str, name: &str| {
+        let out = path(name);
+        let vehicle = ["run", mission, "--fast", "--quiet", "--seed", seed, "--plant", plant];
+        succeed(&[&vehicle[..], &["--laboratory", &laboratory, "--out", &out]].concat());
+        out
     };
+
+    // What is wrong is not told: it is found in the logs of four experiments.
+    let experiments = ["experiment-coast", "experiment-single-joint", "experiment-thrusters", "experiment-mixed"];
+    let logs: Vec<String> = experiments.iter().map(|name| fly(name, &nominal, "7", name)).collect();
+    let found = path("found");
+    let mut diagnose = vec!["diagnose", "--plant", &nominal, "--out", &found];
+    diagnose.extend(logs.iter().map(String::as_str));
+    succeed(&diagnose);
+    let extended = path("found/extended.toml");
+
     for seed in ["1", "2"] {
-        let before = fly(&nominal, seed, &format!("before-{seed}"));
-        let after = fly(&laboratory, seed, &format!("after-{seed}"));
+        let deviation = |plant: &str, name: &str| {
+            deviation_m(&Path::new(&fly(&mission, plant, seed, &format!("{name}-{seed}"))).join("run.mcap"))
+        };
+        let (before, after) = (deviation(&nominal, "before"), deviation(&extended, "after"));
         println!("seed {seed}: RMS and largest deviation {before:?} m before, {after:?} m after");
         assert!(after.0 < 0.7 * before.0, "seed {seed}: RMS {} m before, {} m after", before.0, after.0);
         assert!(after.1 < 0.8 * before.1, "seed {seed}: at most {} m before, {} m after", before.1, after.1);

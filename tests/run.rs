@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{fss, refused, succeed, text};
+use common::{refused, succeed, text};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
