@@ -26,7 +26,7 @@ pub struct PlanArgs {
     /// A length of its own for each link; otherwise all but the last share one.
     #[arg(long)]
     each_length: bool,
-    /// Standard deviation of the end-effector's position in one posture; otherwise from the plant file's [sensors].
+    /// Standard deviation of the end-effector's position in one posture; otherwise from the plant file's sensors.
     #[arg(long, value_name = "M")]
     position_noise: Option<f64>,
     /// Standard deviation of its angle.
