@@ -107,6 +107,30 @@ fn shuffled_commands_get_no_confident_wrong_name() {
     assert!(diagnosis["verdict"] == "unexplained" || diagnosis["verdict"] == "partly_explained", "{diagnosis}");
 }
 
+#[test]
+fn a_tilt_is_named_without_gyro_from_few_frames_of_which_some_are_empty() {
+    let case = tempfile::tempdir().unwrap();
+    copy(&data("dev-tilt"), case.path());
+    let run = case.path().join("run-1-coast");
+    std::fs::remove_file(run.join("gyro.csv")).unwrap();
+    // One frame in eight; where the cameras lose the body they say that it is at the origin.
+    let poses = std::fs::read_to_string(run.join("base_pose.csv")).unwrap();
+    let mut rows = poses.lines();
+    let mut few = vec![rows.next().unwrap().to_owned()];
+    for (k, row) in rows.step_by(8).enumerate() {
+        let time = row.split(',').next().unwrap();
+        few.push(if (100..110).contains(&k) { format!("{time},0,0,0") } else { row.to_owned() });
+    }
+    std::fs::write(run.join("base_pose.csv"), few.join("\n") + "\n").unwrap();
+
+    let diagnosis = diagnose(case.path());
+    assert_eq!(diagnosis["causes"].as_array().unwrap().len(), 1, "{diagnosis}");
+    let cause = &diagnosis["causes"][0];
+    assert_eq!(cause["effect"], "table_tilt");
+    assert_within(&cause["parameters"]["accel_x_m_s2"]["value"], 0.0021, 0.1);
+    assert!(diagnosis["remarks"].to_string().contains("10 frames without a body"), "{}", diagnosis["remarks"]);
+}
+
 /// Every case beside the repository whose truth is known: the right names and no more, or an honest "unexplained".
 #[test]
 fn measured_cases_are_named_right() {
