@@ -7,6 +7,7 @@ use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::fmt::Write;
 
 const SEED: u64 = 11;
 const MASS_KG: f64 = 10.0;
@@ -18,7 +19,7 @@ const THRUSTERS: [([f64; 2], [f64; 2]); 2] = [([-0.13, 0.06], [1.0, 0.0]), ([0.0
 fn plant() -> Plant {
     let mut text = format!("[base]\nmass_kg = {MASS_KG:?}\ninertia_kg_m2 = {INERTIA_KG_M2}\nthrust_N = {THRUST_N}\n");
     for (position, direction) in THRUSTERS {
-        text += &format!("[[thruster]]\nposition_m = {position:?}\nforce_direction = {direction:?}\n");
+        writeln!(text, "[[thruster]]\nposition_m = {position:?}\nforce_direction = {direction:?}").unwrap();
     }
     Plant::parse(&text).unwrap()
 }

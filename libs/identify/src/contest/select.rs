@@ -36,6 +36,8 @@ const FAR: f64 = 2.0;
 const ASKED_ANEW: usize = 50;
 /// How many of its standard deviations one of several causes must be away from nothing.
 const LEAST_CLEARNESS: f64 = 3.0;
+/// The same where no model comes near the noise: windows are off alike there, and say less together than they seem to.
+const LEAST_CLEARNESS_IF_DOUBTFUL: f64 = 5.0;
 
 /// A cause that was taken, and what else it could be.
 #[derive(Clone)]
@@ -228,6 +230,7 @@ impl Contest {
         if after.hypotheses.len() < 2 {
             return None;
         }
+        let least = if self.unit > 1.0 { LEAST_CLEARNESS_IF_DOUBTFUL } else { LEAST_CLEARNESS };
         let spread = self.spread(after);
         let mut at = 0;
         let mut worst: Option<(usize, f64)> = None;
@@ -244,7 +247,7 @@ impl Contest {
                 off.abs() / spread[at + k].max(1e-300)
             };
             let clearest = (0..counted).map(away).fold(0.0, f64::max);
-            if clearest < LEAST_CLEARNESS && worst.is_none_or(|(_, w)| clearest < w) {
+            if clearest < least && worst.is_none_or(|(_, w)| clearest < w) {
                 worst = Some((i, clearest));
             }
             at += values.len();
