@@ -42,7 +42,7 @@ const MOVERS: [&str; 3] = ["mission", "base", "arm"];
 /// The flight goes on without it, whatever happens to it.
 const SPARED: &str = "recorder";
 /// How long a service may take to stop before it is killed.
-const STOP_TIME: Duration = Duration::from_secs(3);
+pub(super) const STOP_TIME: Duration = Duration::from_secs(3);
 
 /// How a run of processes ended.
 #[derive(Debug, Default)]

@@ -1,6 +1,7 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
 use super::SiteArgs;
+use super::launcher::STOP_TIME;
 use super::stack::Stack;
 use super::{LOG_FILE, stop_on_signal};
 use fss_arm::{ArmConfig, ArmService};
@@ -309,11 +310,16 @@ fn unix_time_ns() -> Result<u64> {
     Ok(since.as_nanos() as u64)
 }
 
-/// Sets `stop` when standard input ends: the launcher's word, or its death.
+/// Sets `stop` when standard input ends: the launcher's word, or its death. A process that cannot leave is killed by its
+/// launcher, or, where that is dead, leaves from here: iceoryx2 waits without end for shared memory whose maker was killed
+/// while making it.
 fn stop_with_standard_input(stop: Arc<AtomicBool>) {
     std::thread::spawn(move || {
         let mut byte = [0];
         while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
         stop.store(true, Ordering::Relaxed);
+        std::thread::sleep(2 * STOP_TIME);
+        eprintln!("this process could not leave in time: what it shares is left to the next start");
+        std::process::exit(1);
     });
 }
