@@ -2,14 +2,23 @@
 
 use super::answer::write;
 use super::read_plant;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use fss_identify::calibrate::kinematic::Choice;
-use fss_identify::calibrate::plan::{self, Limits, Plan};
+use fss_identify::calibrate::plan::{self, Criterion, Limits, Plan};
 use fss_multibody::{Coordinates, MAX_LINKS, Model};
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result, miette};
 use std::fmt::Write;
 use std::path::PathBuf;
+
+/// What the postures shall make smallest.
+#[derive(Clone, Copy, ValueEnum)]
+enum Smallest {
+    /// The product of the standard deviations: the box of all intervals.
+    Intervals,
+    /// The volume of the ellipsoid of confidence: D-optimal.
+    Volume,
+}
 
 /// What `fss calibrate plan` takes.
 #[derive(Args)]
@@ -26,6 +35,9 @@ pub struct PlanArgs {
     /// A length of its own for each link; otherwise all but the last share one.
     #[arg(long)]
     each_length: bool,
+    /// What the postures shall make smallest.
+    #[arg(long, value_enum, default_value = "intervals")]
+    criterion: Smallest,
     /// Standard deviation of the end-effector's position in one posture; otherwise from the plant file's sensors.
     #[arg(long, value_name = "M")]
     position_noise: Option<f64>,
@@ -67,7 +79,11 @@ pub fn run(args: &PlanArgs) -> Result<()> {
         ));
     }
     let limits = limits(&plant, args);
-    let made = plan::plan(&model, &limits, usize::from(args.poses), choice);
+    let criterion = match args.criterion {
+        Smallest::Intervals => Criterion::Intervals,
+        Smallest::Volume => Criterion::Volume,
+    };
+    let made = plan::plan(&model, &limits, usize::from(args.poses), choice, criterion);
     let start = middle_of_table(&plant, &model, &made)?;
     println!("{} postures; expected standard deviations:\n", made.postures.len());
     for (name, std) in &made.expected {

@@ -1,13 +1,27 @@
 //! Where to measure: the postures that determine the kinematic parameters best, and how well, beforehand.
 //!
 //! The information of a set of postures is the sum of `J' W J` over them, `J` the Jacobian of the end-effector's pose by the
-//! parameters. D-optimal postures make its determinant largest, which is the smallest volume that the parameters are left
-//! with. They are found by exchange (Fedorov, *Theory of Optimal Experiments*, 1972): from several starts, each posture in
-//! turn is replaced by the best of many candidates, and then moved joint by joint as long as that helps.
+//! parameters; its inverse is the covariance to expect. The best postures leave the least of it, by a [`Criterion`]. They are
+//! found by exchange (Fedorov, *Theory of Optimal Experiments*, 1972): from several starts, each posture in turn is replaced by
+//! the best of many candidates, and then moved joint by joint as long as that helps.
 
 use super::kinematic::{Choice, unknowns};
 use fss_multibody::{Coordinates, Model};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// What the best postures make smallest. Neither depends on the units of the parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Criterion {
+    /// The product of the standard deviations: the box of the intervals that the estimate will be told with.
+    #[default]
+    Intervals,
+    /// The determinant of the covariance, the volume of the ellipsoid of confidence (D-optimal). Parameters that trade
+    /// against each other, as neighbouring joint offsets do, may stay wide as long as the ellipsoid is thin.
+    Volume,
+    /// The variance of one unknown, by its place among them; says how well it can be known at all (c-optimal).
+    One(usize),
+}
 
 /// What postures are possible and how they are measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,9 +46,13 @@ pub struct Plan {
 /// Candidates that an exchange looks at.
 const CANDIDATES: usize = 300;
 /// Starts; the best end counts.
-const STARTS: usize = 3;
+const STARTS: usize = 6;
 /// Steps in which a joint is moved at the end, rad.
-const STEPS_RAD: [f64; 3] = [0.3, 0.1, 0.03];
+const STEPS_RAD: [f64; 5] = [0.4, 0.2, 0.1, 0.03, 0.01];
+/// Rounds through all postures with each step at most.
+const ROUNDS: usize = 20;
+/// An improvement by less is none.
+const NEGLIGIBLE: f64 = 1e-6;
 /// Information that is there without any posture, so that the first few can be compared.
 const PRIOR: f64 = 1e-6;
 
@@ -44,21 +62,19 @@ pub fn fewest(model: &Model, choice: Choice) -> usize {
 }
 
 /// The best `count` postures.
-pub fn plan(model: &Model, limits: &Limits, count: usize, choice: Choice) -> Plan {
-    let design = Design { model, limits, parts: unknowns(model, choice) };
+pub fn plan(model: &Model, limits: &Limits, count: usize, choice: Choice, criterion: Criterion) -> Plan {
+    let design = Design { model, limits, parts: unknowns(model, choice), criterion };
     let candidates: Vec<Vec<f64>> =
         (1..).map(|k| design.candidate(k)).filter(|q| design.fits(q)).take(CANDIDATES).collect();
-    let mut best: Option<(f64, Vec<Vec<f64>>)> = None;
-    for start in 0..STARTS {
-        let mut postures: Vec<Vec<f64>> =
-            (0..count).map(|k| candidates[(k * STARTS + start) * 7 % candidates.len()].clone()).collect();
+    let from = |start: usize| {
+        let first = |k: usize| candidates[(k * STARTS + start) * 7 % candidates.len()].clone();
+        let mut postures: Vec<Vec<f64>> = (0..count).map(first).collect();
         design.exchange(&mut postures, &candidates);
         design.polish(&mut postures);
-        let value = worth(&design.total(&postures));
-        if best.as_ref().is_none_or(|(most, _)| value > *most) {
-            best = Some((value, postures));
-        }
-    }
+        (design.worth(&design.total(&postures)), postures)
+    };
+    let ends: Vec<_> = (0..STARTS).into_par_iter().map(from).collect();
+    let best = ends.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
     let postures = in_order(best.map_or_else(Vec::new, |(_, postures)| postures));
     let expected = design.expected(&postures);
     Plan { postures, expected }
@@ -66,13 +82,14 @@ pub fn plan(model: &Model, limits: &Limits, count: usize, choice: Choice) -> Pla
 
 /// Expected standard deviations of the parameters from given postures.
 pub fn expected(model: &Model, limits: &Limits, postures: &[Vec<f64>], choice: Choice) -> Vec<(String, f64)> {
-    Design { model, limits, parts: unknowns(model, choice) }.expected(postures)
+    Design { model, limits, parts: unknowns(model, choice), criterion: Criterion::default() }.expected(postures)
 }
 
 struct Design<'a> {
     model: &'a Model,
     limits: &'a Limits,
     parts: Vec<(super::Unknown, Vec<fss_multibody::Parameter>)>,
+    criterion: Criterion,
 }
 
 impl Design<'_> {
@@ -126,9 +143,9 @@ impl Design<'_> {
             for i in 0..postures.len() {
                 let total = self.total(postures);
                 let rest = &total - self.information(&postures[i]);
-                let (mut best, mut most) = (None, worth(&total) + 1e-6);
+                let (mut best, mut most) = (None, self.worth(&total) + NEGLIGIBLE);
                 for (candidate, information) in candidates.iter().zip(&known) {
-                    let value = worth(&(&rest + information));
+                    let value = self.worth(&(&rest + information));
                     if value > most {
                         (best, most) = (Some(candidate), value);
                     }
@@ -146,22 +163,41 @@ impl Design<'_> {
 
     fn polish(&self, postures: &mut [Vec<f64>]) {
         for step in STEPS_RAD {
-            for i in 0..postures.len() {
-                let rest = self.total(postures) - self.information(&postures[i]);
-                let value = |q: &[f64]| worth(&(&rest + self.information(q)));
-                let mut most = value(&postures[i]);
-                for joint in 0..postures[i].len() {
-                    for by in [step, -step] {
-                        let mut moved = postures[i].clone();
-                        let limit = self.limits.joint_rad[joint];
-                        moved[joint] = (moved[joint] + by).clamp(-limit, limit);
-                        let now = value(&moved);
-                        if now > most && self.fits(&moved) {
-                            (postures[i], most) = (moved, now);
-                        }
-                    }
+            for _ in 0..ROUNDS {
+                let moved = (0..postures.len()).filter(|i| self.polish_one(postures, *i, step)).count();
+                if moved == 0 {
+                    break;
                 }
             }
+        }
+    }
+
+    /// Moves the joints of one posture by a step where that helps; whether it did.
+    fn polish_one(&self, postures: &mut [Vec<f64>], i: usize, step: f64) -> bool {
+        let rest = self.total(postures) - self.information(&postures[i]);
+        let value = |q: &[f64]| self.worth(&(&rest + self.information(q)));
+        let (mut most, mut improved) = (value(&postures[i]), false);
+        for joint in 0..postures[i].len() {
+            for by in [step, -step] {
+                let mut moved = postures[i].clone();
+                let limit = self.limits.joint_rad[joint];
+                moved[joint] = (moved[joint] + by).clamp(-limit, limit);
+                let now = value(&moved);
+                if now > most + NEGLIGIBLE && self.fits(&moved) {
+                    (postures[i], most, improved) = (moved, now, true);
+                }
+            }
+        }
+        improved
+    }
+
+    /// How good an information is: the logarithm of what the criterion makes smallest, with the other sign.
+    fn worth(&self, information: &DMatrix<f64>) -> f64 {
+        let Some(factor) = information.clone().cholesky() else { return f64::NEG_INFINITY };
+        match self.criterion {
+            Criterion::Volume => factor.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum(),
+            Criterion::Intervals => -factor.inverse().diagonal().iter().map(|variance| variance.ln()).sum::<f64>(),
+            Criterion::One(j) => -factor.inverse()[(j, j)].ln(),
         }
     }
 
@@ -170,12 +206,6 @@ impl Design<'_> {
         let of = |j: usize| covariance.as_ref().map_or(f64::INFINITY, |c| c[(j, j)].sqrt());
         self.parts.iter().enumerate().map(|(j, (u, _))| (u.name.clone(), of(j) * u.plausible)).collect()
     }
-}
-
-/// Logarithm of the determinant.
-fn worth(information: &DMatrix<f64>) -> f64 {
-    let factor = information.clone().cholesky();
-    factor.map_or(f64::NEG_INFINITY, |c| c.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum())
 }
 
 fn coordinates(q_rad: &[f64]) -> Coordinates {
