@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{refused, succeed};
+use common::{json, refused, succeed};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -97,4 +97,74 @@ fn a_plan_tells_its_deviations_beforehand_and_is_a_mission_that_can_be_checked()
     let said = succeed(&["calibrate", "kinematic", &path("run"), "--plant", &plant(), "--out", &out]);
     assert!(said.contains("6 observations of the end-effector, still poses"), "{said}");
     refused(&["calibrate", "plan", "--plant", &plant(), "--out", &mission, "--poses", "2"], &["3 are the fewest"]);
+}
+
+/// The laboratory's arm is not the one of the plant file: what the flight finds is the laboratory's.
+#[test]
+fn a_flight_that_calibrates_finds_the_laboratorys_arm_and_leaves_a_plant_file_that_flies() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let truth = [
+        ("link[1..3].length_m", 0.379, 0.3825),
+        ("link[4].length_m", 0.337, 0.3351),
+        ("base.joint1_x_m", 0.204, 0.2058),
+        ("base.joint1_y_m", 0.0175, 0.0155),
+        ("base.joint1_angle_rad", 0.33, 0.317_841_91),
+        ("link[2].joint_offset_rad", 0.08, 0.101_246_55),
+        ("link[3].joint_offset_rad", -0.04, -0.059_376_101),
+        ("link[4].joint_offset_rad", -0.03, -0.024_277_53),
+    ];
+    let laboratory = std::fs::read_to_string(plant()).unwrap();
+    let laboratory = laboratory
+        .replace("length_m = 0.3825", "length_m = 0.379")
+        .replace("length_m = 0.3351", "length_m = 0.337")
+        .replace("[0.2058, 0.0155]", "[0.204, 0.0175]")
+        .replace("joint1_angle_rad = 0.317841910", "joint1_angle_rad = 0.33")
+        .replace("joint_offset_rad = 0.101246550", "joint_offset_rad = 0.08")
+        .replace("joint_offset_rad = -0.059376101", "joint_offset_rad = -0.04")
+        .replace("joint_offset_rad = -0.024277530", "joint_offset_rad = -0.03");
+    std::fs::write(path("laboratory.toml"), laboratory).unwrap();
+    let (mut inside, mut worst) = (0, 0.0_f64);
+    for seed in ["1", "2", "3"] {
+        let run = path(seed);
+        let laboratory = path("laboratory.toml");
+        let flight =
+            ["run", "calibrate", "--fast", "--quiet", "--laboratory", &laboratory, "--seed", seed, "--out", &run];
+        let said = succeed(&flight);
+        assert!(said.contains("13 observations of the end-effector, still poses"), "{said}");
+        let calibration = &json(&folder.path().join(seed).join("summary.json"))["calibration"];
+        for (name, truth, believed) in truth {
+            let p = &calibration["parameters"][name];
+            let interval: Vec<f64> = serde_json::from_value(p["interval_95"].clone()).unwrap();
+            let (value, std) = (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap());
+            println!("seed {seed}: {name:<28} {value:.5} std {std:.5}, off by {:.2}", (value - truth) / std);
+            assert!((value - truth).abs() < 0.1 * (believed - truth).abs(), "{name}: {p}");
+            inside += usize::from((interval[0]..=interval[1]).contains(&truth));
+            worst = worst.max((value - truth).abs() / std);
+        }
+    }
+    assert!(
+        inside >= 20 && worst < 4.0,
+        "{inside} of 24 intervals hold the truth, the worst error is {worst} deviations"
+    );
+    // The command says of the log what the flight has said.
+    let (again, calibrated) = (path("again.toml"), path("1/calibrated.toml"));
+    succeed(&["calibrate", "kinematic", &path("1"), "--plant", &plant(), "--out", &again]);
+    assert_eq!(std::fs::read_to_string(&again).unwrap(), std::fs::read_to_string(&calibrated).unwrap());
+    succeed(&["run", "reach", "--fast", "--quiet", "--plant", &calibrated, "--out", &path("reach")]);
+    let replayed = succeed(&["replay", &path("1/run.mcap")]);
+    assert!(replayed.lines().any(|line| line.starts_with("calibration ") && line.ends_with(" 0")), "{replayed}");
+}
+
+#[test]
+fn only_a_mission_that_asks_for_it_starts_the_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    succeed(&["run", "hold", "--fast", "--quiet", "--out", &path("hold")]);
+    let steps = |run: &str| succeed(&["replay", &format!("{run}/run.mcap")]);
+    assert!(!steps(&path("hold")).contains("calibration"));
+    assert!(!folder.path().join("hold/calibrated.toml").exists());
+    let hold = include_str!("../deploy/etc/missions/hold.toml");
+    std::fs::write(path("odd.toml"), format!("services = [\"lunch\"]\n{hold}")).unwrap();
+    refused(&["run", &path("odd.toml"), "--fast"], &["odd.toml:1", "asks for the service 'lunch'"]);
 }

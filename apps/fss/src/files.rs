@@ -1,6 +1,9 @@
-//! Reading the files a person writes, with errors that show the line.
+//! Reading the files a person writes, with errors that show the line, and writing answers.
 
-use miette::{Diagnostic, NamedSource, Report, Result, SourceSpan};
+use clap::Args;
+use fss_plant::Plant;
+use miette::{Diagnostic, IntoDiagnostic, NamedSource, Report, Result, SourceSpan, WrapErr};
+use serde::Serialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -53,4 +56,44 @@ impl TextFile {
         }
         .into()
     }
+}
+
+/// What a command that works on a plant believes, and where its answer goes.
+#[derive(Args)]
+pub struct PlantAndAnswer {
+    /// Plant file: what is believed before, and whatever stays as it is.
+    #[arg(long, value_name = "FILE")]
+    pub plant: PathBuf,
+    /// The file to write.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Write the answer as JSON here too.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+impl PlantAndAnswer {
+    /// Writes the answer for a machine, where one is wanted.
+    pub fn write_json(&self, answer: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string_pretty(answer).into_diagnostic()?;
+        self.json.iter().try_for_each(|path| write(path, &text))
+    }
+}
+
+/// Reads a plant file.
+pub fn read_plant(path: &Path) -> Result<Plant> {
+    let file = TextFile::read(path, "plant file")?;
+    Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))
+}
+
+/// Writes a file and says so.
+pub fn write(path: &Path, text: &str) -> Result<()> {
+    write_silently(path, text)?;
+    println!("{}", path.display());
+    Ok(())
+}
+
+/// Writes a file.
+pub fn write_silently(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
 }

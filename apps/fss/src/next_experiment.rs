@@ -8,6 +8,7 @@
 use crate::challenge::twins::{Difference, Twins};
 use crate::diagnose::log;
 use crate::diagnose::read::{Cause, Diagnosis, read};
+use crate::files::{PlantAndAnswer, write, write_silently};
 use crate::run::fast;
 use crate::run::stack::{MISSIONS, Stack};
 use clap::Args;
@@ -35,15 +36,8 @@ pub struct NextExperimentArgs {
     /// Folder of a diagnosis.
     #[arg(value_name = "DIR")]
     diagnosis: PathBuf,
-    /// Plant file: what the laboratory believes.
-    #[arg(long, value_name = "FILE")]
-    plant: PathBuf,
-    /// Mission file to write.
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
-    /// Write the comparison as JSON here too.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    files: PlantAndAnswer,
 }
 
 /// What one maneuver would show.
@@ -72,7 +66,7 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
     for rival in &rivals {
         println!("  {rival}");
     }
-    let mut candidates = candidates(&args.plant, &settled, &rivals)?;
+    let mut candidates = candidates(&args.files.plant, &settled, &rivals)?;
     candidates.retain(|c| c.farthest_m < SAFE_M);
     candidates.sort_by(|a, b| b.separation.total_cmp(&a.separation));
     let best = candidates.first().ok_or_else(|| miette!("no candidate maneuver stays on the table"))?;
@@ -87,14 +81,13 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
         best.duration_s,
         best.gas_kg
     );
-    write(&args.out, &format!("{header}{}", best.text))?;
+    write(&args.files.out, &format!("{header}{}", best.text))?;
     if best.separation < 1.0 {
         println!(
             "None separates them well: each differs by less than noise and disturbance. A longer flight would help."
         );
     }
-    let json = serde_json::to_string_pretty(&candidates).into_diagnostic()?;
-    args.json.iter().try_for_each(|path| write(path, &json))
+    args.files.write_json(&candidates)
 }
 
 /// What is taken for settled, and the causes that are still possible in the place of the first undecided one.
@@ -185,14 +178,4 @@ fn candidate(
         farthest_m,
         text: text.to_owned(),
     }))
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    write_silently(path, text)?;
-    println!("{}", path.display());
-    Ok(())
-}
-
-fn write_silently(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
 }

@@ -102,6 +102,9 @@ pub struct Schedule {
     /// Without a sign of life for so long it counts as frozen, and is killed.
     #[serde(default = "default_frozen_ms")]
     pub frozen_ms: u64,
+    /// Whether it runs only in missions that ask for it.
+    #[serde(default)]
+    pub on_demand: bool,
     /// Whether the launcher restarts it when it dies.
     #[serde(default = "yes")]
     pub restart: bool,

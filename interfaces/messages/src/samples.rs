@@ -150,6 +150,26 @@ samples! {
         fault: [u8; MAX_LINKS],
     }
 
+    /// A posture in which the arm stands still, as seen so far: the last sample of each `since_ns` says all of it.
+    Posture {
+        /// when the arm came to rest, ns, monotonic clock
+        since_ns: u64,
+        /// encoder angles, mean of the reports, rad
+        q_rad: [f64; MAX_LINKS],
+        /// end-effector in the base frame, mean of the frames: x m, y m, angle rad
+        tip: [f64; 3],
+        /// standard deviations of single frames about that mean: x m, y m, angle rad
+        scatter: [f64; 3],
+        /// reports of every link that count
+        reports: u32,
+        /// frames of motion capture that count
+        frames: u32,
+        /// how many links there are
+        link_count: u32,
+        /// postures that this process has seen, this one included
+        number: u32,
+    }
+
     /// Where the mission stands and what it wants of base and arm.
     MissionState {
         consts {

@@ -2,7 +2,7 @@
 
 use crate::{
     ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionState, MocapPose, NavState,
-    Sample, Step, ThrustersCommand, ThrustersState, TruthState,
+    Posture, Sample, Step, ThrustersCommand, ThrustersState, TruthState,
 };
 use core::marker::PhantomData;
 
@@ -74,6 +74,8 @@ topics! {
     THRUSTERS_COMMAND: ThrustersCommand = "/thrusters/command",
     /// Which valves are commanded open at the driver; published by `thrusters`.
     THRUSTERS_STATE: ThrustersState = "/thrusters/state",
+    /// Postures in which the arm stood still, for calibration; published by `calibration`.
+    CALIBRATION_POSTURE: Posture = "/calibration/posture",
     /// What happened, with severity; published by every service.
     EVENTS: Event = "/events",
     /// Cycles, overruns, latencies and input ages; published by every service.

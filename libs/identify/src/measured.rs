@@ -19,6 +19,17 @@ pub struct Run {
     pub valves: Vec<(f64, Vec<bool>)>,
     /// What drives the joints.
     pub drive: Drive,
+    /// Postures in which the arm stood still, as a service collected them in flight.
+    pub postures: Vec<Posture>,
+}
+
+/// The arm at rest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Posture {
+    /// Mean encoder angles, rad.
+    pub q_rad: Vec<f64>,
+    /// Mean pose of the end-effector in the base frame: x m, y m, angle rad.
+    pub tip: [f64; 3],
 }
 
 /// What drives the joints of a run.

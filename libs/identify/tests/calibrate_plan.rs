@@ -14,14 +14,14 @@ use std::f64::consts::FRAC_PI_2;
 const NOISE: [f64; 2] = [0.015, 0.683 * std::f64::consts::PI / 180.0];
 /// Two lengths, the first joint's pose, then the offset of joint 2.
 const PLACE_OF_THETA_02: usize = 5;
-const DRAWS: usize = 2000;
+const DRAWS: usize = 8000;
 
 fn model() -> Model {
     Plant::default_laboratory().unwrap().model().unwrap()
 }
 
 fn limits() -> Limits {
-    Limits { joint_rad: vec![FRAC_PI_2; 4], clearance_m: 0.2, noise: NOISE }
+    Limits { joint_rad: vec![FRAC_PI_2; 4], clearance_m: 0.19, link_clearance_m: 0.1, noise: NOISE }
 }
 
 fn observe(model: &Model, q_rad: &[f64], rng: &mut ChaCha8Rng) -> Observation {
@@ -104,6 +104,8 @@ fn a_plan_keeps_within_joints_and_clear_of_the_base() {
     assert_eq!((plan.postures.len(), plan.expected.len()), (6, 10));
     for q in &plan.postures {
         assert!(q.iter().zip(&narrow.joint_rad).all(|(q, limit)| q.abs() <= *limit + 1e-12), "{q:?}");
+        let same = plan.postures.iter().filter(|other| q.iter().zip(*other).all(|(a, b)| (a - b).abs() < 0.1));
+        assert_eq!(same.count(), 1, "a posture twice tells less than two");
     }
     // One posture determines nothing, whatever it is: nobody expects otherwise.
     let one = expected(&model, &narrow, &plan.postures[..1], Choice::default());

@@ -1,9 +1,7 @@
 //! An estimate told: as a table for a person, as JSON for a machine.
 
 use fss_identify::calibrate::Estimate;
-use miette::{IntoDiagnostic, Result, WrapErr};
 use serde_json::{Map, Value, json};
-use std::path::Path;
 
 /// Quantiles of the normal distribution for intervals of 90 and 95 percent.
 const QUANTILE_90: f64 = 1.6449;
@@ -88,11 +86,4 @@ pub fn json(kind: &str, estimate: &Estimate, kinds: &[Kind]) -> Value {
         "condition": estimate.condition.is_finite().then_some(estimate.condition),
         "degrees_of_freedom": estimate.degrees_of_freedom, "outliers": estimate.rejected.len(),
         "undetermined": estimate.undetermined, "undetermined_parameters": estimate.undetermined_parameters })
-}
-
-/// Writes a file and says so.
-pub fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-    println!("{}", path.display());
-    Ok(())
 }

@@ -1,12 +1,13 @@
 //! `fss calibrate dynamic`.
 
-use super::answer::{self, Kind, write};
-use super::{Files, read_plant};
+use super::Files;
+use super::answer::{self, Kind};
 use crate::diagnose::runs;
+use crate::files::read_plant;
 use clap::{Args, ValueEnum};
 use fss_identify::calibrate::attitude::{self, Maneuver};
 use fss_identify::calibrate::dynamic::{self, Choice};
-use fss_identify::calibrate::{CalibrationError, Estimate, write as plant_file};
+use fss_identify::calibrate::{CalibrationError, Estimate};
 use fss_identify::measured::Run;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Report, Result, miette};
@@ -52,20 +53,14 @@ const HELP: &str = "a dynamic calibration needs base_pose.csv and joints.csv (or
 
 /// Runs the command.
 pub fn run(args: &DynamicArgs) -> Result<()> {
-    let plant = read_plant(&args.files.plant)?;
+    let plant = read_plant(&args.files.answer.plant)?;
     let measured = runs::read(&args.files.runs, &plant)?;
     let (estimate, kinds) = match args.method {
         Method::Trajectory => trajectory(args, &plant, &measured)?,
         Method::Attitude => attitude(&plant, &measured)?,
     };
     answer::print(&estimate, kinds);
-    let text = plant_file::calibrated(&plant, &estimate).to_toml().into_diagnostic()?;
-    write(&args.files.out, &text)?;
-    if let Some(path) = &args.files.json {
-        let text = serde_json::to_string_pretty(&answer::json("dynamic", &estimate, kinds)).into_diagnostic()?;
-        write(path, &text)?;
-    }
-    Ok(())
+    args.files.write(&plant, &estimate, &answer::json("dynamic", &estimate, kinds))
 }
 
 fn refused(error: &CalibrationError) -> Report {

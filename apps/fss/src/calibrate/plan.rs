@@ -1,7 +1,6 @@
 //! `fss calibrate plan`: the postures that determine the kinematics best, as a mission.
 
-use super::answer::write;
-use super::read_plant;
+use crate::files::{read_plant, write};
 use clap::{Args, ValueEnum};
 use fss_identify::calibrate::kinematic::Choice;
 use fss_identify::calibrate::plan::{self, Criterion, Limits, Plan};
@@ -59,6 +58,8 @@ const REST_S: f64 = 4.0;
 const COUNTED_S: f64 = 2.0;
 /// Way of the tip by a joint's angle, on average, m: for the expected noise.
 const LEVER_M: f64 = 0.7;
+/// A link is so wide, m.
+const LINK_WIDTH_M: f64 = 0.1;
 /// Nothing comes nearer to the table's edge, m.
 const EDGE_M: f64 = 0.2;
 
@@ -94,6 +95,12 @@ pub fn run(args: &PlanArgs) -> Result<()> {
         limits.noise[0] * 1e3,
         limits.noise[1].to_degrees()
     );
+    if made.blocked > 0 {
+        println!(
+            "- on {} ways between postures the arm comes near the base or itself: look at them first",
+            made.blocked
+        );
+    }
     let text = mission(&plant, &made, start).into_diagnostic()?;
     write(&args.out, &text)
 }
@@ -109,6 +116,7 @@ fn limits(plant: &Plant, args: &PlanArgs) -> Limits {
     Limits {
         joint_rad: plant.links.iter().map(|link| (link.joint_limit_rad - MARGIN_RAD).max(0.0)).collect(),
         clearance_m: 0.5 * plant.base.size_m[0].hypot(plant.base.size_m[1]),
+        link_clearance_m: LINK_WIDTH_M,
         noise: [args.position_noise.unwrap_or(averaged[0]), args.angle_noise.map_or(averaged[1], f64::to_radians)],
     }
 }
@@ -150,7 +158,7 @@ fn mission(plant: &Plant, made: &Plan, start: [f64; 2]) -> std::result::Result<S
     for (name, std) in &made.expected {
         writeln!(text, "#   {name} {std:.6}")?;
     }
-    writeln!(text, "name = \"calibrate\"")?;
+    writeln!(text, "name = \"calibrate\"\nservices = [\"calibration\"]")?;
     writeln!(
         text,
         "description = \"{} postures that determine the kinematics best; the base floats.\"",

@@ -8,8 +8,8 @@
 //! telemetry, as slow as the commands, cannot show.
 
 use super::commands::Commands;
-use fss_identify::measured::{Drive, Joints, Poses, Run, Series};
-use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Sample, ThrustersState, topic};
+use fss_identify::measured::{self, Drive, Joints, Poses, Run, Series};
+use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Posture, Sample, ThrustersState, topic};
 use fss_plant::{JointCommand, Plant};
 use fss_records::log::{Log, Samples};
 use miette::{IntoDiagnostic, Result, miette};
@@ -79,6 +79,7 @@ struct Record {
     links: Vec<LinksState>,
     arm: Vec<ArmCommand>,
     valves: Vec<ThrustersState>,
+    postures: Vec<Posture>,
 }
 
 impl Record {
@@ -92,7 +93,9 @@ impl Record {
         let mut links = Samples::<LinksState>::of(&format!("{vehicle}{}", topic::LINKS_STATE.name));
         let mut arm = Samples::<ArmCommand>::of(&format!("{vehicle}{}", topic::ARM_COMMAND.name));
         let mut valves = Samples::<ThrustersState>::of(&format!("{vehicle}{}", topic::THRUSTERS_STATE.name));
-        log.collect(&mut [&mut base, &mut ee, &mut gyro, &mut links, &mut arm, &mut valves]).into_diagnostic()?;
+        let mut postures = Samples::<Posture>::of(&format!("{vehicle}{}", topic::CALIBRATION_POSTURE.name));
+        log.collect(&mut [&mut base, &mut ee, &mut gyro, &mut links, &mut arm, &mut valves, &mut postures])
+            .into_diagnostic()?;
         let record = Record {
             start_ns: [first(&base.samples), first(&ee.samples), first(&gyro.samples)].into_iter().min().unwrap_or(0),
             base: base.samples,
@@ -101,6 +104,7 @@ impl Record {
             links: links.samples,
             arm: arm.samples,
             valves: valves.samples,
+            postures: postures.samples,
         };
         record.check(path, plant)?;
         Ok(record)
@@ -146,6 +150,7 @@ impl Record {
             joints,
             joint_command,
             valves: self.openings(),
+            postures: self.postures(),
         })
     }
 
@@ -232,6 +237,16 @@ impl Record {
             joints.torque_nm.push(torque);
         }
         (!joints.t_s.is_empty()).then_some(joints)
+    }
+
+    /// Each posture as its last sample says it.
+    fn postures(&self) -> Vec<measured::Posture> {
+        let of_one_rest = self.postures.chunk_by(|a, b| a.since_ns == b.since_ns).filter_map(<[Posture]>::last);
+        let posture = |p: &Posture| measured::Posture {
+            q_rad: p.q_rad.iter().take(p.link_count as usize).copied().collect(),
+            tip: p.tip,
+        };
+        of_one_rest.map(posture).collect()
     }
 
     /// Valves as commanded at their driver, where that changed.

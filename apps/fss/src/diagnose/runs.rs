@@ -67,6 +67,7 @@ fn run(e: &Experiment) -> Run {
             JointMode::Current => Drive::Current,
             JointMode::None => Drive::Free,
         },
+        postures: Vec::new(),
     }
 }
 

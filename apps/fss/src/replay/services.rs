@@ -6,6 +6,7 @@ use crate::run::stack::Stack;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::{Bus, Feed, Queue, Runner, Service};
+use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
 use fss_links::{LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MocapPose, Step};
@@ -19,14 +20,18 @@ use miette::{IntoDiagnostic, Result, miette};
 /// # Errors
 /// Where a service cannot be made from the stack's files.
 pub fn replay_all(stack: &Stack, tape: &Tape) -> Result<Vec<Verdict>> {
-    Ok(vec![
+    let mut verdicts = vec![
         replay(tape, |_| fusion(stack, tape))?,
         replay(tape, |life| links(stack, tape, life))?,
         replay(tape, |_| mission(stack, tape))?,
         replay(tape, |_| arm(stack, tape))?,
         replay(tape, |_| base(stack, tape))?,
         replay(tape, |_| thrusters(stack, tape))?,
-    ])
+    ];
+    if stack.launch.schedule(Calibration::NAME).is_some() {
+        verdicts.push(replay(tape, |_| calibration(stack, tape))?);
+    }
+    Ok(verdicts)
 }
 
 fn bus(stack: &Stack) -> Bus {
@@ -143,6 +148,21 @@ fn arm<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, ArmService>> {
             FromTopic::open(bus, &tape.mocap_end_effector).into_diagnostic()?,
         ],
         [&tape.arm, &tape.events]
+    )
+}
+
+fn calibration<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Calibration>> {
+    let bus = &bus(stack);
+    player!(
+        Calibration::new(stack.plant.link_count(), MovementBand::of(&stack.plant)),
+        bus,
+        [
+            FromTopic::open(bus, &tape.mocap_end_effector).into_diagnostic()?,
+            FromTopic::open(bus, &tape.mocap_base).into_diagnostic()?,
+            FromTopic::open(bus, &tape.links).into_diagnostic()?,
+            FromTopic::open(bus, &tape.mission).into_diagnostic()?,
+        ],
+        [&tape.postures, &tape.events]
     )
 }
 

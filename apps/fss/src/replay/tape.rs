@@ -2,8 +2,8 @@
 
 use fss_messages::topic::{self, Topic};
 use fss_messages::{
-    ArmCommand, BaseCommand, Event, GyroRate, LinkDatagram, LinksState, MissionState, MocapPose, NavState, Sample,
-    Step, ThrustersCommand, ThrustersState, text_of,
+    ArmCommand, BaseCommand, Event, GyroRate, LinkDatagram, LinksState, MissionState, MocapPose, NavState, Posture,
+    Sample, Step, ThrustersCommand, ThrustersState, text_of,
 };
 use fss_records::log::{Log, LogError, Samples};
 
@@ -79,6 +79,7 @@ tape! {
     base: BaseCommand = BASE_COMMAND,
     thrusters: ThrustersCommand = THRUSTERS_COMMAND,
     valves: ThrustersState = THRUSTERS_STATE,
+    postures: Posture = CALIBRATION_POSTURE,
     events: Event = EVENTS,
 }
 

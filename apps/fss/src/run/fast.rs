@@ -7,6 +7,7 @@ use fss_base::{Base, BaseConfig};
 use fss_bus::launch::Schedule;
 use fss_bus::virtual_time::{self, Tick};
 use fss_bus::{Bus, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Service, Time};
+use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, decode_vicon, gyro_packet};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
 use fss_lab::{DeviceOutputs, LabConfig, Laboratory};
@@ -122,6 +123,7 @@ fn add(
             let model = plant.model().into_diagnostic()?;
             member!(Base::new(BaseConfig::from_plant(plant, model, rate_hz)));
         }
+        "calibration" => member!(Calibration::new(plant.link_count(), MovementBand::of(plant))),
         "thrusters" => member!(Thrusters::new(plant.thrusters.len())),
         "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::default())),
         other => return Err(miette!("service '{other}' does not fly on a virtual clock")),

@@ -13,9 +13,12 @@ pub mod stack;
 mod summary;
 mod witness;
 
-use crate::files::TextFile;
+use crate::calibrate::{self, Calibrated};
+use crate::files::{TextFile, write_silently};
 use clap::Args;
+use fss_bus::Service;
 use fss_bus::launch::Launch;
+use fss_calibration::Calibration;
 use fss_lab::Faults;
 use fss_messages::MissionState;
 use fss_records::log::Log;
@@ -34,7 +37,7 @@ use summary::Records;
 /// Fly a mission.
 #[derive(Args)]
 pub struct RunArgs {
-    /// A mission that comes with fss (hold, slew, reach, zero-reaction, experiment-*) or a mission file.
+    /// A mission that comes with fss (hold, slew, reach, zero-reaction, calibrate, experiment-*) or a mission file.
     #[arg(default_value = "zero-reaction")]
     mission: String,
     /// Launch file: rates, priorities, cores, devices.
@@ -69,7 +72,7 @@ pub struct RunArgs {
 /// Run one service.
 #[derive(Args)]
 pub struct ServiceArgs {
-    /// The service: recorder, thrusters, fusion, links, arm, base or mission.
+    /// The service: recorder, thrusters, fusion, links, arm, base, mission or calibration.
     name: String,
     #[command(flatten)]
     site: SiteArgs,
@@ -106,6 +109,9 @@ pub struct SiteArgs {
 const FAULT_EVERY_S: f64 = 4.0;
 /// The log's name in a run's folder.
 const LOG_FILE: &str = "run.mcap";
+
+/// The plant file that a flight with the service `calibration` leaves in its folder.
+const CALIBRATED_FILE: &str = "calibrated.toml";
 
 /// Flies a mission and says what happened.
 pub fn run(args: &RunArgs) -> Result<()> {
@@ -151,10 +157,11 @@ pub fn run(args: &RunArgs) -> Result<()> {
         // The first log knows nothing of what came after its recorder's death.
         summary.outcome = summary::outcome(&[mission]);
     }
-    let write = |name: &str, text: String| {
-        let path = folder.join(name);
-        std::fs::write(&path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
-    };
+    // The services have ended: what the estimate takes of this computer is nobody's time.
+    let calibrates = stack.launch.schedule(Calibration::NAME).is_some() && summary.outcome == "done";
+    let calibrated = calibrates.then(|| calibrate::of_log(&folder.join(LOG_FILE), &stack.plant)).transpose()?;
+    summary.calibration = calibrated.as_ref().map(Calibrated::json);
+    let write = |name: &str, text: String| write_silently(&folder.join(name), &text);
     write("summary.json", serde_json::to_string_pretty(&summary).into_diagnostic()?)?;
     let model = stack.plant.nominal().model().into_diagnostic()?;
     let title = format!("{}: {}", stack.mission_name, stack.mission.description);
@@ -163,6 +170,11 @@ pub fn run(args: &RunArgs) -> Result<()> {
     }
     summary.print();
     println!("log                {}", folder.join(LOG_FILE).display());
+    if let Some(calibrated) = calibrated {
+        print!("calibration        ");
+        calibrated.print();
+        calibrated.write(&stack.plant, &folder.join(CALIBRATED_FILE))?;
+    }
     if summary.outcome == "aborted" {
         return Err(miette!("the mission was aborted; the events above and `fss log info` say why"));
     }

@@ -9,6 +9,7 @@ use fss_base::{Base, BaseConfig};
 use fss_bus::health::{Monitor, REPORT_PERIOD_NS};
 use fss_bus::launch::{Launch, Schedule};
 use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Time, process, realtime};
+use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
 use fss_lab::process::{Addresses, Process, Stepped};
@@ -93,6 +94,9 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
         }
         "arm" => {
             site.fly(ArmService::new(ArmConfig::new(plant).into_diagnostic()?), || ())?;
+        }
+        "calibration" => {
+            site.fly(Calibration::new(plant.link_count(), MovementBand::of(plant)), || ())?;
         }
         "mission" => {
             site.fly(MissionService::new(site.stack.mission.clone(), MissionConfig::default()), || ())?;

@@ -8,10 +8,13 @@ use fss_plant::Plant;
 use fss_records::log::Log;
 use fss_wire::link::Key;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use toml::Spanned;
 
 /// The services that a launch file may name.
-pub const SERVICES: &[&str] = &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission"];
+pub const SERVICES: &[&str] =
+    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration"];
 
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[
@@ -19,6 +22,7 @@ pub const MISSIONS: &[(&str, &str)] = &[
     ("slew", include_str!("../../../../deploy/etc/missions/slew.toml")),
     ("reach", include_str!("../../../../deploy/etc/missions/reach.toml")),
     ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
+    ("calibrate", include_str!("../../../../deploy/etc/missions/calibrate.toml")),
     ("experiment-coast", include_str!("../../../../deploy/etc/missions/experiment-coast.toml")),
     ("experiment-single-joint", include_str!("../../../../deploy/etc/missions/experiment-single-joint.toml")),
     ("experiment-excitation", include_str!("../../../../deploy/etc/missions/experiment-excitation.toml")),
@@ -120,6 +124,7 @@ impl Stack {
     ) -> Result<Self> {
         let launch =
             Launch::parse(&launch_file.text, SERVICES).map_err(|e| launch_file.error(e.message, e.help, e.span))?;
+        let launch = asked_for(launch, launch_file, mission_file)?;
         let plant = Plant::parse(&plant_file.text).map_err(|e| plant_file.error(e.message, e.help, Some(e.span)))?;
         let mission = Mission::parse_for(&mission_file.text, &plant)
             .map_err(|e| mission_file.error(e.message, e.help, Some(e.span)))?;
@@ -190,6 +195,33 @@ impl Stack {
         }
         Ok(())
     }
+}
+
+/// What a mission asks of the launcher.
+#[derive(Deserialize)]
+struct Demand {
+    #[serde(default)]
+    services: Vec<Spanned<String>>,
+}
+
+/// The launch file without the services on demand that the mission does not ask for.
+fn asked_for(mut launch: Launch, launch_file: &TextFile, mission_file: &TextFile) -> Result<Launch> {
+    let demand: Demand = toml::from_str(&mission_file.text).map_err(|e| {
+        let help = "services = [\"calibration\"] asks for services that the launch file has on demand".to_owned();
+        mission_file.error(e.message().to_owned(), help, e.span())
+    })?;
+    for service in &demand.services {
+        if launch.schedule(service.get_ref()).is_none() {
+            let message = format!("the mission asks for the service '{}', which is not launched", service.get_ref());
+            let help = format!("add a [[service]] of that name with its rate_hz to {}", launch_file.path.display());
+            return Err(mission_file.error(message, help, Some(service.span())));
+        }
+    }
+    launch.services.retain(|schedule| {
+        let is_it = |service: &Spanned<String>| service.get_ref() == schedule.name.get_ref();
+        !schedule.on_demand || demand.services.iter().any(is_it)
+    });
+    Ok(launch)
 }
 
 /// Faults as a file says them, where they make sense with this plant.

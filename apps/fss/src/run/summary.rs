@@ -28,6 +28,9 @@ pub struct Summary {
     pub gas_used_kg: Option<f64>,
     /// Each service's cycles and overruns.
     pub services: BTreeMap<String, ServiceFigures>,
+    /// What a flight that calibrates has found: `fss-calibration/1`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<serde_json::Value>,
     /// Warnings and worse.
     pub warnings: Vec<String>,
 }
@@ -159,6 +162,7 @@ impl Records {
             navigation: navigation(&self.nav, &self.truth),
             gas_used_kg: self.truth.last().map(|t| t.gas_used_kg),
             services: services(&self.health),
+            calibration: None,
             warnings: warnings(&self.events, first_ns),
             topics: self
                 .topics

@@ -2,7 +2,7 @@
 
 use super::motion::{Tracks, pose_at, seen_from, wrapped};
 use super::{CalibrationError, Estimate, Row, Unknown, solve};
-use crate::measured::Run;
+use crate::measured::{Posture, Run};
 use fss_multibody::{Coordinates, Model, Parameter};
 
 /// The end-effector seen from the base, and the joint angles at that time.
@@ -64,6 +64,11 @@ pub(super) fn unknowns(model: &Model, choice: Choice) -> Vec<(Unknown, Vec<Param
     all
 }
 
+/// How many parameters a choice asks for.
+pub fn count_unknowns(model: &Model, choice: Choice) -> usize {
+    unknowns(model, choice).len()
+}
+
 /// Estimates the kinematic parameters. Moving observations bring one more unknown: how late telemetry is stamped.
 ///
 /// `noise` is `[position m, angle rad]` of one observation before the residuals tell.
@@ -119,8 +124,13 @@ pub fn calibrate(
     })
 }
 
-/// The observations that a run holds: one a still pose; those in motion besides where `moving` is set.
+/// The observations that a run holds: one a still pose; those in motion besides where `moving` is set. Postures that a
+/// service collected in flight stand for the still poses.
 pub fn observations(run: &Run, links: usize, clamped: bool, moving: bool) -> Vec<Observation> {
+    if !moving && !run.postures.is_empty() {
+        let of = |p: &Posture| Observation { q_rad: p.q_rad.clone(), qd_rad_s: vec![0.0; links], tip: p.tip };
+        return run.postures.iter().filter(|p| p.q_rad.len() == links).map(of).collect();
+    }
     let (Some(tracks), Some(ee)) = (Tracks::of(run, links), &run.ee_pose) else { return Vec::new() };
     if run.base_pose.is_none() && !clamped {
         return Vec::new();

@@ -7,7 +7,7 @@
 
 use super::kinematic::{Choice, unknowns};
 use fss_multibody::{Coordinates, Model};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector2};
 use rayon::prelude::*;
 
 /// What the best postures make smallest. Neither depends on the units of the parameters.
@@ -28,8 +28,10 @@ pub enum Criterion {
 pub struct Limits {
     /// Joints stay between minus and plus this, rad.
     pub joint_rad: Vec<f64>,
-    /// The arm's joints and tip keep this far from the base's centre, m.
+    /// Joints, tip and all links but the first keep this far from the base's centre, m.
     pub clearance_m: f64,
+    /// Links that are not neighbours keep their middle lines this far from each other, m.
+    pub link_clearance_m: f64,
     /// Standard deviations of one posture: position of the end-effector m, its angle rad.
     pub noise: [f64; 2],
 }
@@ -41,6 +43,9 @@ pub struct Plan {
     pub postures: Vec<Vec<f64>>,
     /// Name and expected standard deviation of each parameter.
     pub expected: Vec<(String, f64)>,
+    /// Ways from one posture to the next on which the arm would touch the base or itself, did all joints start and end
+    /// together.
+    pub blocked: usize,
 }
 
 /// Candidates that an exchange looks at.
@@ -53,6 +58,11 @@ const STEPS_RAD: [f64; 5] = [0.4, 0.2, 0.1, 0.03, 0.01];
 const ROUNDS: usize = 20;
 /// An improvement by less is none.
 const NEGLIGIBLE: f64 = 1e-6;
+/// No two postures are nearer than this in all joints, rad: what is wrong with a posture would be wrong with both.
+const APART_RAD: f64 = 0.2;
+/// Where a way is looked at, and what a way that is not clear counts for, rad.
+const WAY_STEPS: usize = 24;
+const BLOCKED_RAD: f64 = 100.0;
 /// Information that is there without any posture, so that the first few can be compared.
 const PRIOR: f64 = 1e-6;
 
@@ -75,9 +85,10 @@ pub fn plan(model: &Model, limits: &Limits, count: usize, choice: Choice, criter
     };
     let ends: Vec<_> = (0..STARTS).into_par_iter().map(from).collect();
     let best = ends.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
-    let postures = in_order(best.map_or_else(Vec::new, |(_, postures)| postures));
+    let postures = design.in_order(best.map_or_else(Vec::new, |(_, postures)| postures));
     let expected = design.expected(&postures);
-    Plan { postures, expected }
+    let blocked = postures.windows(2).filter(|pair| !design.is_clear_between(&pair[0], &pair[1])).count();
+    Plan { postures, expected, blocked }
 }
 
 /// Expected standard deviations of the parameters from given postures.
@@ -108,12 +119,39 @@ impl Design<'_> {
         self.limits.joint_rad.iter().zip(PRIMES).map(|(limit, base)| (2.0 * radical(base) - 1.0) * limit).collect()
     }
 
-    /// Whether the arm keeps clear of the base.
+    /// Whether the arm keeps clear of its stops, of the base and of itself.
     fn fits(&self, q_rad: &[f64]) -> bool {
-        let inside = q_rad.iter().zip(&self.limits.joint_rad).all(|(q, limit)| q.abs() <= *limit);
+        q_rad.iter().zip(&self.limits.joint_rad).all(|(q, limit)| q.abs() <= *limit) && self.is_clear(q_rad)
+    }
+
+    fn is_clear(&self, q_rad: &[f64]) -> bool {
         let k = self.model.kinematics(&coordinates(q_rad));
-        let clear = (1..=q_rad.len()).all(|i| k.joints[i].norm() > self.limits.clearance_m);
-        inside && clear
+        let link = |i: usize| (k.joints[i], k.joints[i + 1]);
+        let n = q_rad.len();
+        let center = Vector2::zeros();
+        (1..n).all(|i| to_segment(center, link(i)) > self.limits.clearance_m)
+            && k.joints[n.min(1)].norm() > self.limits.clearance_m
+            && (2..n).all(|i| (0..i - 1).all(|j| between(link(i), link(j)) > self.limits.link_clearance_m))
+    }
+
+    /// Whether the arm keeps clear on the straight way of the joints from one posture to another.
+    fn is_clear_between(&self, from: &[f64], to: &[f64]) -> bool {
+        let at = |s: f64| -> Vec<f64> { from.iter().zip(to).map(|(a, b)| a + s * (b - a)).collect() };
+        (1..WAY_STEPS).all(|k| self.is_clear(&at(k as f64 / WAY_STEPS as f64)))
+    }
+
+    /// From the first posture always to the one that is reached soonest on a way that is clear, or, where none is, soonest.
+    fn in_order(&self, mut postures: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        let away = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        for i in 1..postures.len() {
+            let cost = |k: usize| {
+                let (before, next) = (&postures[i - 1], &postures[k]);
+                away(before, next) + if self.is_clear_between(before, next) { 0.0 } else { BLOCKED_RAD }
+            };
+            let next = (i..postures.len()).min_by(|a, b| cost(*a).total_cmp(&cost(*b)));
+            postures.swap(i, next.unwrap_or(i));
+        }
+        postures
     }
 
     /// Information of one posture, parameters in units of what is plausible.
@@ -144,7 +182,8 @@ impl Design<'_> {
                 let total = self.total(postures);
                 let rest = &total - self.information(&postures[i]);
                 let (mut best, mut most) = (None, self.worth(&total) + NEGLIGIBLE);
-                for (candidate, information) in candidates.iter().zip(&known) {
+                let free = |candidate: &[f64]| is_apart(postures, i, candidate);
+                for (candidate, information) in candidates.iter().zip(&known).filter(|(candidate, _)| free(candidate)) {
                     let value = self.worth(&(&rest + information));
                     if value > most {
                         (best, most) = (Some(candidate), value);
@@ -183,7 +222,7 @@ impl Design<'_> {
                 let limit = self.limits.joint_rad[joint];
                 moved[joint] = (moved[joint] + by).clamp(-limit, limit);
                 let now = value(&moved);
-                if now > most + NEGLIGIBLE && self.fits(&moved) {
+                if now > most + NEGLIGIBLE && self.fits(&moved) && is_apart(postures, i, &moved) {
                     (postures[i], most, improved) = (moved, now, true);
                 }
             }
@@ -208,24 +247,34 @@ impl Design<'_> {
     }
 }
 
+/// Whether a posture may stand in the place of the `i`-th.
+fn is_apart(postures: &[Vec<f64>], i: usize, q_rad: &[f64]) -> bool {
+    let differs = |other: &[f64]| q_rad.iter().zip(other).any(|(a, b)| (a - b).abs() >= APART_RAD);
+    postures.iter().enumerate().all(|(j, other)| j == i || differs(other))
+}
+
 fn coordinates(q_rad: &[f64]) -> Coordinates {
     let mut q = Coordinates::zeros();
     q.as_mut_slice()[3..3 + q_rad.len()].copy_from_slice(q_rad);
     q
 }
 
-/// From the first posture always to the one that is reached soonest.
-fn in_order(mut postures: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let away = |a: &[f64], b: &[f64]| -> f64 {
-        let steps = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-        steps.fold(0.0, f64::max)
-    };
-    for i in 1..postures.len() {
-        let next = (i..postures.len()).min_by(|a, b| {
-            let before = &postures[i - 1];
-            away(before, &postures[*a]).total_cmp(&away(before, &postures[*b]))
-        });
-        postures.swap(i, next.unwrap_or(i));
+type Segment = (Vector2<f64>, Vector2<f64>);
+
+/// Distance of a point from a segment.
+fn to_segment(point: Vector2<f64>, (a, b): Segment) -> f64 {
+    let along = b - a;
+    let share = ((point - a).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (a + along * share - point).norm()
+}
+
+/// Distance of two segments of a plane; zero where they cross.
+fn between(one: Segment, other: Segment) -> f64 {
+    let side = |(a, b): Segment, point: Vector2<f64>| (b - a).perp(&(point - a));
+    let parted = |by: Segment, ends: Segment| side(by, ends.0) * side(by, ends.1) > 0.0;
+    if !parted(one, other) && !parted(other, one) {
+        return 0.0;
     }
-    postures
+    let ends = [to_segment(one.0, other), to_segment(one.1, other), to_segment(other.0, one), to_segment(other.1, one)];
+    ends.into_iter().fold(f64::INFINITY, f64::min)
 }

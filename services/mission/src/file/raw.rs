@@ -20,6 +20,9 @@ pub(super) struct Mission {
     _network: IgnoredAny,
     #[serde(default, rename = "fault")]
     _fault: IgnoredAny,
+    /// Services on demand: the launcher starts them.
+    #[serde(default, rename = "services")]
+    _services: IgnoredAny,
 }
 
 #[derive(Default, Deserialize)]
