@@ -17,6 +17,8 @@ pub struct Start {
     pub q_rad: [f64; MAX_LINKS],
     /// Joint rates (rad/s).
     pub qd_rad_s: [f64; MAX_LINKS],
+    /// Pose and velocity of the target, where they are others than in the plant file (m, m, rad and per second).
+    pub target: Option<[[f64; 3]; 2]>,
 }
 
 /// A fault of a device and when it is there. Faults of the plant itself (a stuck valve, a leak) are its effects.

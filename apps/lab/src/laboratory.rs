@@ -5,6 +5,7 @@ use crate::config::{ActiveFaults, FaultKind};
 use crate::devices::camera::Camera;
 use crate::devices::gyro::{self, Gyro};
 use crate::devices::link::Link;
+use crate::gripper::Gripper;
 use crate::random::{Random, Stream};
 use crate::{LabConfig, LabError, truth};
 use fss_messages::TruthState;
@@ -59,6 +60,7 @@ pub struct Laboratory {
     gyro_channel: Channel<()>,
     up: Vec<Channel<SocketAddr>>,
     down: Vec<Channel<SocketAddr>>,
+    gripper: Option<Gripper>,
     traffic: Traffic,
 }
 
@@ -70,6 +72,9 @@ impl Laboratory {
         let mut simulation = Simulation::new(plant, config.seed)?;
         let start = &config.start;
         simulation.set_state(start.pose, start.velocity, &start.q_rad, &start.qd_rad_s);
+        if let Some([pose, velocity]) = start.target {
+            simulation.set_target(pose, velocity);
+        }
         let sensors = &plant.sensors;
         let links = 0..plant.link_count();
         let link = |i| Link::new(i, config.key.clone(), random(Stream::Link, i), sensors.link_rate_hz, start_ns);
@@ -90,6 +95,7 @@ impl Laboratory {
             now_ns: start_ns,
             valves: 0,
             open: 0,
+            gripper: plant.target.as_ref().map(Gripper::new),
             traffic: Traffic::default(),
         })
     }
@@ -151,6 +157,7 @@ impl Laboratory {
             self.drive_links();
             self.simulation.step(STEP_NS as f64 * 1e-9);
             self.now_ns += STEP_NS;
+            self.move_gripper();
             self.sample_devices();
             self.deliver(outputs);
         }
@@ -158,7 +165,18 @@ impl Laboratory {
 
     /// The truth at the time that the laboratory has reached.
     pub fn truth(&self) -> TruthState {
-        truth::state(&self.simulation, self.now_ns, self.valves)
+        let mut truth = truth::state(&self.simulation, self.now_ns, self.valves);
+        if let Some(gripper) = &self.gripper {
+            gripper.tell(&mut truth);
+        }
+        truth
+    }
+
+    /// The gripper at the arm's end does what its link was told.
+    fn move_gripper(&mut self) {
+        if let (Some(gripper), Some(link)) = (&mut self.gripper, self.links.last()) {
+            gripper.step(self.now_ns, link.closes_gripper(), &mut self.simulation);
+        }
     }
 
     /// Time since the start of the run (s), rounded once, so that a fault at 1.1 s begins there.

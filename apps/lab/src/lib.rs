@@ -10,6 +10,7 @@ mod config;
 mod devices;
 mod error;
 mod faults;
+mod gripper;
 mod laboratory;
 pub mod process;
 mod random;

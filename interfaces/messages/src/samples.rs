@@ -113,6 +113,8 @@ samples! {
             FAULT_BATTERY_LOW = 16;
             /// fault bit: the driver gives less torque than it would need
             FAULT_TORQUE_LIMIT = 32;
+            /// no fault: the gripper at this link's end holds something
+            GRIPPING = 64;
         }
         /// encoder angles extrapolated to stamp_ns, rad
         q_rad: [f64; MAX_LINKS],
@@ -187,6 +189,8 @@ samples! {
             BASE_HOLD = 1;
             /// open the valves of `valves`, whatever the base does
             BASE_VALVES = 2;
+            /// stop turning and drifting with the least gas, wherever that is
+            BASE_STOP = 3;
             /// drivers off
             ARM_OFF = 0;
             /// hold the joints where they are
@@ -203,11 +207,15 @@ samples! {
             ARM_LINE_POSE = 6;
             /// move the joints in sines about q_goal_rad
             ARM_SINES = 7;
+            /// end-effector to the target's handle, base kept from turning by the arm alone
+            ARM_CAPTURE = 8;
         }
         /// when the phase began, ns, monotonic clock
         phase_start_ns: u64,
         /// base goal: x m, y m, theta rad in the table frame
         base_goal: [f64; 3],
+        /// how fast base_goal itself moves: m/s, m/s, rad/s; base_goal is where it is at phase_start_ns
+        base_goal_rate: [f64; 3],
         /// time over which the base goal is approached, s
         base_duration_s: f64,
         /// joint goal, encoder angles, rad
@@ -224,6 +232,10 @@ samples! {
         line_direction_rad: f64,
         /// time over which the arm's goal is reached, s
         arm_duration_s: f64,
+        /// target as motion capture shows it, brought to stamp_ns: x m, y m, theta rad
+        target: [f64; 3],
+        /// its rates, m/s, m/s, rad/s
+        target_rate: [f64; 3],
         /// phase, counted from 0
         phase: u32,
         /// how many phases the mission has
@@ -238,8 +250,14 @@ samples! {
         arm_mode: u8,
         /// 1 where base_goal counts from where the base is at the start of the phase
         base_goal_relative: u8,
+        /// 1 where target and target_rate are good
+        target_seen: u8,
+        /// 1 where the gripper shall be closed
+        gripper: u8,
+        /// 1 where the arm holds the target
+        target_held: u8,
         /// zero
-        reserved0: [u8; 4],
+        reserved0: u8,
     }
 
     /// What the arm controller tells the joints, and how its task goes.
@@ -276,8 +294,8 @@ samples! {
         holding: u8,
         /// 1: the task met a singularity or joint limits it cannot pass, and stopped there
         blocked: u8,
-        /// zero
-        reserved0: u8,
+        /// 1: the gripper shall be closed
+        gripper: u8,
         /// 1 where a joint stands at its limit
         limited: [u8; MAX_LINKS],
     }
@@ -478,6 +496,18 @@ samples! {
         tank_pressure_pa: f64,
         /// gas used since the start, kg
         gas_used_kg: f64,
+        /// when the gripper took hold of the target, ns, monotonic clock; 0 before
+        grasp_ns: u64,
+        /// momentum of vehicle and target together just before: kg m/s, kg m/s, kg m2/s about the table's middle
+        grasp_momentum_before: [f64; 3],
+        /// the same just after
+        grasp_momentum_after: [f64; 3],
+        /// distance of the end-effector from the target's handle when it took hold, m
+        grasp_miss_m: f64,
+        /// speed of the end-effector past the handle then, m/s
+        grasp_speed_m_s: f64,
+        /// 1 while the target is held
+        target_held: u64,
         /// how many links there are
         link_count: u32,
         /// how many thrusters there are

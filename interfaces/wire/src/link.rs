@@ -8,7 +8,7 @@
 //! | 4 | u8 | version, 1 |
 //! | 5 | u8 | kind: 1 command, 2 telemetry |
 //! | 6 | u8 | link, counted from 1 at the base |
-//! | 7 | u8 | mode: 0 disabled, 1 position, 2 velocity, 3 current |
+//! | 7 | u8 | mode: 0 disabled, 1 position, 2 velocity, 3 current; in commands plus 128 where the gripper shall be closed |
 //! | 8 | u64 | sequence number, increasing |
 //! | 16 | u64 | time of sending on the sender's own clock (ns, from an arbitrary start) |
 //!
@@ -109,6 +109,8 @@ impl Faults {
     pub const BATTERY_LOW: Self = Self(1 << 4);
     /// The driver gives less than asked because of its torque or current limit.
     pub const TORQUE_LIMIT: Self = Self(1 << 5);
+    /// No fault: the gripper at the end of this link holds something.
+    pub const GRIPPING: Self = Self(1 << 6);
 
     /// Whether all bits of `other` are set.
     pub const fn contains(self, other: Self) -> bool {
@@ -189,13 +191,15 @@ pub struct Command {
     pub current_a: f32,
     /// Largest torque that the driver may use, at the joint (N m).
     pub max_torque_nm: f32,
+    /// Whether the gripper at the end of this link shall be closed; a link without one does not care.
+    pub gripper: bool,
 }
 
 impl Command {
     /// The datagram, signed with `key`.
     pub fn encode(&self, key: &Key) -> [u8; DATAGRAM_LEN] {
-        let Self { link, mode, sequence, time_ns, .. } = *self;
-        let mut fields = Fields::begin(KIND_COMMAND, &Header { link, mode, sequence, time_ns });
+        let Self { link, mode, sequence, time_ns, gripper, .. } = *self;
+        let mut fields = Fields::begin(KIND_COMMAND, &Header { link, mode, gripper, sequence, time_ns });
         for value in [self.position_rad, self.velocity_rad_s, self.current_a, self.max_torque_nm] {
             fields.put(value.to_le_bytes());
         }
@@ -217,6 +221,7 @@ impl Command {
             velocity_rad_s: finite(body.f32().ok_or(short)?)?,
             current_a: finite(body.f32().ok_or(short)?)?,
             max_torque_nm: finite(body.f32().ok_or(short)?)?,
+            gripper: header.gripper,
         };
         let tag = body.array::<TAG_LEN>().ok_or(short)?;
         let tagged = datagram.get(..TAGGED_LEN).ok_or(short)?;
@@ -257,7 +262,7 @@ impl Telemetry {
     /// The datagram.
     pub fn encode(&self) -> [u8; DATAGRAM_LEN] {
         let Self { link, mode, sequence, time_ns, .. } = *self;
-        let mut fields = Fields::begin(KIND_TELEMETRY, &Header { link, mode, sequence, time_ns });
+        let mut fields = Fields::begin(KIND_TELEMETRY, &Header { link, mode, gripper: false, sequence, time_ns });
         for value in [self.position_rad, self.velocity_rad_s, self.current_a] {
             fields.put(value.to_le_bytes());
         }

@@ -21,6 +21,7 @@ fn command() -> Command {
         velocity_rad_s: -0.25,
         current_a: 0.0,
         max_torque_nm: 1.5,
+        gripper: false,
     }
 }
 
@@ -151,7 +152,7 @@ proptest! {
     ) {
         let [position_rad, velocity_rad_s, current_a, max_torque_nm] = values;
         let mode = Mode::from_u8(mode).unwrap();
-        let sent = Command { link, sequence, time_ns, mode, position_rad, velocity_rad_s, current_a, max_torque_nm };
+        let sent = Command { link, sequence, time_ns, mode, position_rad, velocity_rad_s, current_a, max_torque_nm, gripper: sequence % 2 == 1 };
         prop_assert_eq!(Command::decode(&sent.encode(&key()), &key()), Ok(sent));
     }
 

@@ -63,6 +63,8 @@ pub struct ArmConfig {
     pub max_age_ns: u64,
     /// An older mission state is stale, ns.
     pub max_mission_age_ns: u64,
+    /// Distance of the target's handle from its centre, where the plant has a target, m.
+    pub target_radius_m: Option<f64>,
 }
 
 impl ArmConfig {
@@ -106,6 +108,7 @@ impl ArmConfig {
             mocap_time_s: 1.0,
             max_age_ns: 200_000_000,
             max_mission_age_ns: 500_000_000,
+            target_radius_m: plant.target.as_ref().map(|target| target.radius_m),
         })
     }
 }

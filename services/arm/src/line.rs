@@ -5,6 +5,7 @@ use crate::estimate::{Estimate, Estimator};
 use crate::inverse::{Bounds, Solution, Task};
 use crate::profile::quintic;
 use crate::reference::Reference;
+use fss_bus::Time;
 use fss_messages::MissionState;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use nalgebra::{SMatrix, SVector, Vector2, Vector3, Vector4};
@@ -16,6 +17,8 @@ pub(crate) struct Ask {
     duration_s: f64,
     keeps_orientation: bool,
     is_zero_reaction: bool,
+    /// To the target's handle, which moves.
+    pub(crate) is_capture: bool,
     pub(crate) phase_start_ns: u64,
 }
 
@@ -27,9 +30,37 @@ impl Ask {
             way: Vector2::new(cos, sin) * mission.line_length_m,
             duration_s: mission.arm_duration_s,
             keeps_orientation: matches!(mode, MissionState::ARM_LINE_POSE | MissionState::ARM_ZERO_REACTION_POSE),
-            is_zero_reaction: matches!(mode, MissionState::ARM_ZERO_REACTION | MissionState::ARM_ZERO_REACTION_POSE),
+            is_zero_reaction: matches!(
+                mode,
+                MissionState::ARM_ZERO_REACTION | MissionState::ARM_ZERO_REACTION_POSE | MissionState::ARM_CAPTURE
+            ),
+            is_capture: mode == MissionState::ARM_CAPTURE,
             phase_start_ns: mission.phase_start_ns,
         }
+    }
+}
+
+/// The target's handle now.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Handle {
+    /// Where it is, table frame, m.
+    at: Vector2<f64>,
+    /// How fast it moves, m/s.
+    rate: Vector2<f64>,
+}
+
+impl Handle {
+    /// On the rim of the mission's target, `radius_m` from its centre; `None` where that is not seen.
+    pub(crate) fn of(mission: &MissionState, radius_m: f64, now: Time) -> Option<Self> {
+        if mission.target_seen == 0 {
+            return None;
+        }
+        let age_s = now.age_ns(mission.stamp_ns) as f64 * 1e-9;
+        let ([x, y, theta], [vx, vy, omega]) = (mission.target, mission.target_rate);
+        let (sin, cos) = (theta + omega * age_s).sin_cos();
+        let arm = Vector2::new(cos, sin) * radius_m;
+        let at = Vector2::new(x + vx * age_s, y + vy * age_s) + arm;
+        Some(Self { at, rate: Vector2::new(vx - omega * arm.y, vy + omega * arm.x) })
     }
 }
 
@@ -42,12 +73,27 @@ pub(crate) struct Line {
     attitude_rad: f64,
     /// Time along the line, s; it runs more slowly where limits slow the line down.
     pub(crate) clock_s: f64,
+    /// Where the line ends, if that moves; the way to it is then shortened with it.
+    handle: Option<Handle>,
 }
 
 impl Line {
     /// The line from where the end-effector is.
     pub(crate) fn from_here(ask: &Ask, here: &Estimate) -> Self {
-        Self { ask: *ask, start: here.ee, attitude_rad: here.state.q[2], clock_s: 0.0 }
+        Self { ask: *ask, start: here.ee, attitude_rad: here.state.q[2], clock_s: 0.0, handle: None }
+    }
+
+    /// The line from where the end-effector is to a handle that moves.
+    pub(crate) fn to_handle(ask: &Ask, here: &Estimate, handle: Handle) -> Self {
+        let mut line = Self::from_here(ask, here);
+        line.ask.way = handle.at - here.ee.xy();
+        line.handle = Some(handle);
+        line
+    }
+
+    /// Where the handle is now; one that is not seen is where it was.
+    pub(crate) fn see(&mut self, handle: Option<Handle>) {
+        self.handle = handle.filter(|_| self.ask.is_capture).or(self.handle);
     }
 
     /// Share of the line that is done.
@@ -57,7 +103,10 @@ impl Line {
 
     /// Where the end-effector shall be now: x m, y m, angle rad.
     pub(crate) fn goal(&self) -> Vector3<f64> {
-        let here = self.start.xy() + self.ask.way * self.progress();
+        let here = match self.handle {
+            None => self.start.xy() + self.ask.way * self.progress(),
+            Some(handle) => handle.at - self.ask.way * (1.0 - self.progress()),
+        };
         Vector3::new(here.x, here.y, self.start.z)
     }
 
@@ -100,7 +149,8 @@ impl Line {
         let distance_m = error.xy().norm();
         let share = beyond(distance_m, config.quiet_m) / distance_m.max(f64::MIN_POSITIVE);
         (error.x, error.y, error.z) = (error.x * share, error.y * share, beyond(error.z, config.quiet_rad));
-        Vector3::new(self.ask.way.x * rate, self.ask.way.y * rate, 0.0) + error * config.line_gain_1_s
+        let along = self.ask.way * rate + self.handle.map_or(Vector2::zeros(), |handle| handle.rate);
+        Vector3::new(along.x, along.y, 0.0) + error * config.line_gain_1_s
     }
 
     /// Angular rate of the base: back to the attitude that it shall keep.

@@ -1,7 +1,7 @@
 //! The service: what the mission wants, as commands to the joints.
 
 use crate::estimate::{Estimate, Estimator, joints_at};
-use crate::line::Line;
+use crate::line::{Handle, Line};
 use crate::reference::Reference;
 use crate::task::{Blocked, Task};
 use crate::{ArmConfig, Drive};
@@ -187,7 +187,11 @@ impl ArmService {
             if seen.now.age_ns(ask.phase_start_ns) > LATEST_START_NS {
                 self.block(seen.now, Blocked::Late, events);
             } else if let Some(here) = seen.here.filter(|_| !self.holding) {
-                self.task = Task::Line(Line::from_here(&ask, &here));
+                if !ask.is_capture {
+                    self.task = Task::Line(Line::from_here(&ask, &here));
+                } else if let Some(handle) = self.handle(seen) {
+                    self.task = Task::Line(Line::to_handle(&ask, &here, handle));
+                }
             }
         }
         if self.blocked || self.holding {
@@ -214,7 +218,13 @@ impl ArmService {
         }
     }
 
+    /// The handle that a capture goes for, where it is seen.
+    fn handle(&self, seen: &Seen) -> Option<Handle> {
+        Handle::of(seen.mission?, self.config.target_radius_m?, seen.now)
+    }
+
     fn follow(&mut self, mut line: Line, here: &Estimate, seen: &Seen, events: &mut Output<Event>) {
+        line.see(self.handle(seen));
         let solution = line.resolve(&self.config, &self.reference, &self.estimator, here);
         if solution.scale > 0.0 {
             self.reference.advance(&solution.rates, seen.dt_s);
@@ -274,6 +284,7 @@ impl ArmService {
         c.link_count = count as u32;
         c.holding = u8::from(self.holding);
         c.blocked = u8::from(self.blocked);
+        c.gripper = seen.mission.map_or(c.gripper, |mission| mission.gripper);
         let is_off = !self.anchored || matches!(self.task, Task::Off);
         c.mode = match config.drive {
             _ if is_off => ArmCommand::OFF,

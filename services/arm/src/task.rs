@@ -40,7 +40,8 @@ impl Task {
             MissionState::ARM_LINE
             | MissionState::ARM_LINE_POSE
             | MissionState::ARM_ZERO_REACTION
-            | MissionState::ARM_ZERO_REACTION_POSE => Self::LineToBegin(Ask::of(mission)),
+            | MissionState::ARM_ZERO_REACTION_POSE
+            | MissionState::ARM_CAPTURE => Self::LineToBegin(Ask::of(mission)),
             _ => Self::Hold,
         }
     }

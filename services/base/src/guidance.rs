@@ -38,6 +38,8 @@ pub struct Leg {
     pub to: [f64; 3],
     /// How long it takes, s.
     pub duration_s: f64,
+    /// How fast `to` itself moves from the start on, and for ever: m/s, m/s, rad/s.
+    pub drift: [f64; 3],
 }
 
 /// Shares of a leg's duration at which it is hardest: the acceleration, the speed and the deceleration of the quintic are
@@ -56,12 +58,21 @@ impl Leg {
 
     /// The reference at `t_s` after the start.
     fn after(&self, t_s: f64) -> [Reference; 3] {
-        std::array::from_fn(|i| quintic(self.from[i], self.to[i], self.duration_s, t_s))
+        std::array::from_fn(|i| {
+            let mut reference = quintic(self.from[i], self.to[i], self.duration_s, t_s);
+            // What drifts is joined as smoothly: its rate grows with the same polynomial.
+            let share = quintic(0.0, 1.0, self.duration_s, t_s);
+            let way = self.drift[i] * t_s.max(0.0);
+            reference.position += way * share.position;
+            reference.velocity += self.drift[i] * share.position + way * share.velocity;
+            reference.acceleration += 2.0 * self.drift[i] * share.velocity + way * share.acceleration;
+            reference
+        })
     }
 
     /// The same leg with as much time as the vehicle needs: `is_able` says whether it can follow a reference.
     pub fn stretched(mut self, mut is_able: impl FnMut(&[Reference; 3]) -> bool) -> Self {
-        let is_there = self.from == self.to;
+        let is_there = self.from == self.to && self.drift == [0.0; 3];
         self.duration_s = if is_there { self.duration_s } else { self.duration_s.max(1.0) };
         while !is_there
             && self.duration_s < LONGEST_S

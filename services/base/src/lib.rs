@@ -2,21 +2,23 @@
 //!
 //! A smooth reference leads from where the base is to the mission's goal; computed-torque control turns the pose error
 //! into a wanted wrench with the inertia of base and arm as they stand ([`fss_multibody`]); the allocator finds open shares
-//! for one-sided thrusters, the modulator on/off valves. Where an input is stale, all valves are shut. A mission that
+//! for one-sided thrusters, the modulator on/off valves. A vehicle that turns is stopped with the least gas by [`stop`]. Where an input is stale, all valves are shut. A mission that
 //! excites the vehicle for identification sets the valves itself; the controller then only passes them on.
 
 pub mod allocation;
 pub mod guidance;
 pub mod modulation;
+pub mod stop;
 
 use allocation::{Allocator, Wrench};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, NavState, ThrustersCommand, topic};
 use fss_multibody::{Model, State};
-use fss_plant::{Physics, Plant};
+use fss_plant::{Grasped, Physics, Plant};
 use guidance::Leg;
 use modulation::Modulator;
 use std::f64::consts::TAU;
+use stop::{Action, Body, Stop};
 
 /// Oldest navigation state that the controller flies on, ns.
 const MAX_NAV_AGE_NS: u64 = 50_000_000;
@@ -60,6 +62,8 @@ outputs! {
 pub struct BaseConfig {
     /// The vehicle with its arm.
     pub model: Model,
+    /// The same with the plant's target held by its handle, where there is one.
+    pub compound: Option<Model>,
     /// Wrench of each thruster in body axes about the base frame's origin, N and N m.
     pub thruster_wrenches: Vec<Wrench>,
     /// Shortest time for which a valve opens, s. Longer than what the valve could do: a thruster opens when it owes a whole
@@ -79,6 +83,7 @@ impl BaseConfig {
     /// For a plant with the effects that it has from the start, stepped `rate_hz` times a second.
     pub fn from_plant(plant: &Plant, model: Model, rate_hz: f64) -> Self {
         Self {
+            compound: compound(plant),
             model,
             thruster_wrenches: wrenches(&Physics::at(plant, 0.0)),
             shortest_pulse_s: plant.valves.min_on_s.max(SHORTEST_PULSE_S),
@@ -90,15 +95,27 @@ impl BaseConfig {
     }
 
     /// The wrench in body axes that gives the base this acceleration (table axes) with the arm held as it is.
-    fn wrench(&self, state: &State, acceleration: [f64; 3]) -> Wrench {
-        let force = self.model.inverse_dynamics(state, &State::from_slices(&acceleration, &[]).q);
+    fn wrench(&self, model: &Model, state: &State, acceleration: [f64; 3]) -> Wrench {
+        let force = model.inverse_dynamics(state, &State::from_slices(&acceleration, &[]).q);
         let (sin, cos) = state.q[2].sin_cos();
         [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
     }
 }
 
-/// What each valve line does to the base.
-fn wrenches(physics: &Physics) -> Vec<Wrench> {
+/// The vehicle with the target held by its handle: its centre lies one radius beyond the tip.
+fn compound(plant: &Plant) -> Option<Model> {
+    let (target, link) = (plant.target.as_ref()?, plant.links.last()?);
+    let mut physics = Physics::at(plant, 0.0);
+    physics.grasped = Some(Grasped {
+        mass_kg: target.mass_kg,
+        inertia_kg_m2: target.inertia_kg_m2,
+        at_m: [link.length_m + target.radius_m, 0.0],
+    });
+    physics.model(0.0).ok()
+}
+
+/// What each valve line does to the base: its wrench in base axes about the base's origin, N and N m.
+pub fn wrenches(physics: &Physics) -> Vec<Wrench> {
     let mut wrenches = vec![[0.0; 3]; physics.thrusters.len()];
     for thruster in &physics.thrusters {
         let ([x, y], (sin, cos)) = (thruster.position_m, thruster.direction_rad.sin_cos());
@@ -117,6 +134,20 @@ struct Flown {
     leg: Leg,
 }
 
+/// What the base shall do now.
+#[derive(Clone, Copy)]
+enum Guidance {
+    /// This acceleration, table axes.
+    Accelerate([f64; 3]),
+    /// Valves shut.
+    Coast,
+    /// This thruster open, from 0.
+    Burn(usize),
+}
+
+/// How fast a stop damps out what is left, 1/s.
+const DAMPING_1_S: f64 = 0.3;
+
 /// The service.
 pub struct Base {
     config: BaseConfig,
@@ -124,6 +155,8 @@ pub struct Base {
     modulator: Modulator,
     flown: Option<Flown>,
     integral: [f64; 3],
+    /// The stop that is under way, and when its phase began.
+    stop: Option<(u64, Stop)>,
     sample: BaseCommand,
 }
 
@@ -138,6 +171,7 @@ impl Base {
             config,
             flown: None,
             integral: [0.0; 3],
+            stop: None,
             sample: BaseCommand::default(),
         }
     }
@@ -168,17 +202,21 @@ impl Base {
             return flown.leg;
         }
         let from = [state.q[0], state.q[1], state.q[2]];
-        let to = std::array::from_fn(|i| goal[i] + if mission.base_goal_relative == 0 { 0.0 } else { from[i] });
+        let to: [f64; 3] =
+            std::array::from_fn(|i| goal[i] + if mission.base_goal_relative == 0 { 0.0 } else { from[i] });
         // A controller that was restarted within a phase makes the rest of its time do.
         let gone_s = now.seconds_since(Time::from_ns(phase_start_ns));
         let given_s = (mission.base_duration_s - gone_s).max(0.0);
-        let leg = Leg { start: now, from, to, duration_s: given_s }.stretched(|reference| {
+        let drift = mission.base_goal_rate;
+        let to = std::array::from_fn(|i| to[i] + drift[i] * gone_s);
+        let model = *self.model(mission);
+        let leg = Leg { start: now, from, to, duration_s: given_s, drift }.stretched(|reference| {
             let mut there = *state;
             let acceleration = reference.map(|r| r.acceleration / ABILITY);
             for (i, r) in reference.iter().enumerate() {
                 (there.q[i], there.v[i]) = (r.position, r.velocity);
             }
-            !self.allocator.allocate(self.config.wrench(&there, acceleration)).is_saturated()
+            !self.allocator.allocate(self.config.wrench(&model, &there, acceleration)).is_saturated()
         });
         if leg.duration_s > given_s + LATE_S && given_s > 0.0 {
             let needed_s = leg.duration_s;
@@ -187,6 +225,36 @@ impl Base {
         }
         self.flown = Some(Flown { phase_start_ns, goal, leg });
         leg
+    }
+
+    /// The vehicle, with the target where the mission says that it is held.
+    fn model(&self, mission: &MissionState) -> &Model {
+        let held = self.config.compound.as_ref().filter(|_| mission.target_held != 0);
+        held.unwrap_or(&self.config.model)
+    }
+
+    /// What the mission's goal asks for now.
+    fn guide(&mut self, now: Time, state: &State, mission: &MissionState, events: &mut Output<Event>) -> Guidance {
+        if mission.base_mode != MissionState::BASE_STOP {
+            self.stop = None;
+            let leg = self.leg(now, state, mission, events);
+            return Guidance::Accelerate(self.acceleration(now, &leg, state));
+        }
+        self.flown = None;
+        self.integral = [0.0; 3];
+        let body = Body::of(self.model(mission), state);
+        let of_this_phase = self.stop.filter(|(phase_start_ns, _)| *phase_start_ns == mission.phase_start_ns);
+        let (_, stop) = self.stop.insert(of_this_phase.unwrap_or((mission.phase_start_ns, Stop::default())));
+        let rates = [state.v[0], state.v[1], state.v[2]];
+        (self.sample.reference, self.sample.error) = ([state.q[0], state.q[1], state.q[2]], rates);
+        match stop.step(&body, &self.config.thruster_wrenches, self.config.period_s) {
+            Action::Coast => Guidance::Coast,
+            Action::Burn(thruster) => Guidance::Burn(thruster),
+            Action::Damp => {
+                let damped = |i: usize| -beyond(DAMPING_1_S * rates[i], self.config.dead_band[i]);
+                Guidance::Accelerate(std::array::from_fn(damped))
+            }
+        }
     }
 
     /// The acceleration that leads along the leg, table axes.
@@ -249,20 +317,28 @@ impl Service for Base {
         };
         if let Some((nav, mission)) = flown {
             let state = vehicle_state(nav, inputs.links.get(), self.config.model.link_count());
-            let leg = self.leg(now, &state, mission, &mut outputs.events);
-            let acceleration = self.acceleration(now, &leg, &state);
-            let wrench = self.config.wrench(&state, acceleration);
+            let guidance = self.guide(now, &state, mission, &mut outputs.events);
+            let wrench = match guidance {
+                Guidance::Accelerate(wanted) => self.config.wrench(self.model(mission), &state, wanted),
+                Guidance::Coast | Guidance::Burn(_) => [0.0; 3],
+            };
             let allocation = self.allocator.allocate(wrench);
             let s = &mut self.sample;
             [s.force_x_n, s.force_y_n, s.torque_nm] = wrench;
             s.duty_cycle = allocation.duty;
             s.saturated = u8::from(allocation.is_saturated());
             valves.valves = self.modulator.step(&allocation.duty);
+            if let Guidance::Burn(thruster) = guidance
+                && let Some(valve) = valves.valves.get_mut(thruster)
+            {
+                *valve = 1;
+            }
             // The measurement's own time travels on: the age of a measurement when its valve command leaves.
             valves.stamp_ns = nav.stamp_ns;
         } else {
             self.flown = None;
             self.integral = [0.0; 3];
+            self.stop = None;
             self.modulator.reset();
             let s = &mut self.sample;
             (s.force_x_n, s.force_y_n, s.torque_nm) = (0.0, 0.0, 0.0);

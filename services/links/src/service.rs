@@ -59,6 +59,8 @@ pub struct LinksService {
     refused: u32,
     started: Option<Time>,
     holding: bool,
+    /// What the arm controller last said of the gripper, which stays so when that falls silent.
+    gripper: bool,
 }
 
 impl LinksService {
@@ -74,6 +76,7 @@ impl LinksService {
             refused: 0,
             started: None,
             holding: false,
+            gripper: false,
         }
     }
 
@@ -124,6 +127,7 @@ impl LinksService {
     fn command(&mut self, now: Time, arm: &Latest<ArmCommand>, outputs: &mut Outputs) {
         let started = *self.started.get_or_insert(now);
         let fresh = arm.within(now, self.config.max_command_age_ns);
+        self.gripper = fresh.map_or(self.gripper, |command| command.gripper != 0);
         if fresh.is_none() && self.links[0].next_command.is_none() && now.age_ns(started.ns()) < SILENCE_AT_START_NS {
             return;
         }
@@ -183,6 +187,7 @@ impl LinksService {
             velocity_rad_s: target.qd_rad_s as f32,
             current_a: target.current_a as f32,
             max_torque_nm: self.config.joints[i].torque_nm as f32,
+            gripper: self.gripper && i + 1 == self.link_count(),
         };
         commands.send(CommandDatagram { link: i, bytes: command.encode(&self.key) });
     }

@@ -10,8 +10,11 @@
 
 mod error;
 mod file;
+mod goals;
 mod service;
+mod target;
+mod trouble;
 
 pub use error::MissionError;
-pub use file::{ArmGoal, BaseGoal, Initial, Mission, Phase, Pulse, Sine};
+pub use file::{ArmGoal, BaseGoal, Condition, Draw, Initial, Mission, Phase, Pulse, Ranges, Sine, TargetBody, Until};
 pub use service::{Inputs, MissionConfig, MissionService, Outputs};

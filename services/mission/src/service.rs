@@ -1,8 +1,13 @@
 //! Flies a mission: phase after phase, or the safe end.
 
-use crate::{ArmGoal, BaseGoal, Mission, Phase, Pulse, Sine};
+use crate::goals::{Meeting, open_valves, set_arm_goal, set_base_goal};
+use crate::target::TargetTracker;
+use crate::trouble::Trouble;
+use crate::{ArmGoal, BaseGoal, Condition, Mission, Phase};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{ArmCommand, Event, LinksState, MAX_LINKS, MAX_SINES, MAX_THRUSTERS, MissionState, NavState, topic};
+use fss_messages::{ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionState, MocapPose, NavState, topic};
+use fss_multibody::{Model, State};
+use fss_plant::Plant;
 
 /// How patient the mission is.
 #[derive(Clone, Copy, Debug)]
@@ -13,11 +18,29 @@ pub struct MissionConfig {
     pub ready_ns: u64,
     /// What is missing or faulty for this long aborts the mission, ns.
     pub patience_ns: u64,
+    /// The vehicle, where it is known: it tells where the base must be to meet a target, and how the whole moves.
+    pub model: Option<Model>,
+    /// How far from the middle the base may be before the mission is aborted, m.
+    pub edges_m: Option<[f64; 2]>,
 }
 
 impl Default for MissionConfig {
     fn default() -> Self {
-        Self { max_age_ns: 500_000_000, ready_ns: 1_000_000_000, patience_ns: 1_000_000_000 }
+        Self {
+            max_age_ns: 500_000_000,
+            ready_ns: 1_000_000_000,
+            patience_ns: 1_000_000_000,
+            model: None,
+            edges_m: None,
+        }
+    }
+}
+
+impl MissionConfig {
+    /// For a plant with the effects that it has from the start.
+    pub fn for_plant(plant: &Plant) -> Self {
+        let model = plant.model().ok().filter(|model| !model.base().clamped);
+        Self { model, edges_m: Some(plant.table.size_m.map(|size| size / 2.0)), ..Self::default() }
     }
 }
 
@@ -30,6 +53,8 @@ inputs! {
         links: Latest<LinksState> = topic::LINKS_STATE,
         /// How the arm's task goes.
         arm: Latest<ArmCommand> = topic::ARM_COMMAND,
+        /// Motion capture of the target, where there is one.
+        target: Latest<MocapPose> = topic::MOCAP_TARGET,
     }
 }
 
@@ -43,39 +68,6 @@ outputs! {
     }
 }
 
-/// Why the mission cannot go on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Trouble {
-    Navigation,
-    NavigationLost,
-    Telemetry,
-    Link(usize),
-    LinkFault(usize, u8),
-    ArmController,
-    ArmBlocked,
-}
-
-impl Trouble {
-    /// Whether waiting cannot mend it.
-    fn is_final(self) -> bool {
-        matches!(self, Self::NavigationLost | Self::ArmBlocked)
-    }
-}
-
-impl core::fmt::Display for Trouble {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Navigation => write!(f, "no navigation state: is fusion running, are motion capture and gyro on?"),
-            Self::NavigationLost => write!(f, "navigation is lost"),
-            Self::Telemetry => write!(f, "no telemetry: is links running?"),
-            Self::Link(i) => write!(f, "link {} is silent", i + 1),
-            Self::LinkFault(i, bits) => write!(f, "link {} reports fault bits {bits:#04x}", i + 1),
-            Self::ArmController => write!(f, "the arm controller is silent"),
-            Self::ArmBlocked => write!(f, "the arm is blocked: joint limits or a singularity end its line here"),
-        }
-    }
-}
-
 /// The sequencer of one mission.
 pub struct MissionService {
     mission: Mission,
@@ -84,6 +76,9 @@ pub struct MissionService {
     /// When all became good (while waiting), or when the trouble began (while running).
     since: Option<Time>,
     phase_end: Time,
+    /// Since when the phase's condition holds.
+    met_since: Option<Time>,
+    tracker: TargetTracker,
 }
 
 impl MissionService {
@@ -96,7 +91,15 @@ impl MissionService {
             phase_count: mission.phases.len() as u32,
             ..MissionState::default()
         };
-        Self { mission, config, sample, since: None, phase_end: Time::default() }
+        Self {
+            mission,
+            config,
+            sample,
+            since: None,
+            phase_end: Time::default(),
+            met_since: None,
+            tracker: TargetTracker::default(),
+        }
     }
 
     fn wait(&mut self, now: Time, inputs: &Inputs, events: &mut Output<Event>) {
@@ -122,40 +125,167 @@ impl MissionService {
         if let Some(trouble) = self.trouble(now, inputs) {
             let since = *self.since.get_or_insert(now);
             if trouble.is_final() || now.age_ns(since.ns()) >= self.config.patience_ns {
-                events.publish(event(now, Event::ERROR, format_args!("mission aborted: {trouble}")));
-                self.end(MissionState::ABORTED);
+                self.give_up(now, trouble, inputs, events);
                 return;
             }
         } else {
             self.since = None;
         }
+        self.watch_condition(now, inputs, events);
         while self.sample.state == MissionState::RUNNING && now >= self.phase_end {
-            let next = self.sample.phase as usize + 1;
-            if next < self.mission.phases.len() {
-                self.begin(next, self.phase_end, inputs, events);
-            } else {
-                events.publish(event(now, Event::INFO, format_args!("mission {} is done", self.mission.name)));
-                self.end(MissionState::DONE);
-            }
+            self.go_on(inputs, events);
         }
         if self.sample.base_mode == MissionState::BASE_VALVES
-            && let BaseGoal::Valves(pulses) = &self.mission.phases[self.sample.phase as usize].base
+            && let Some(Phase { base: BaseGoal::Valves(pulses), .. }) = self.mission.phase(self.sample.phase as usize)
         {
             self.sample.valves = open_valves(pulses, now.age_ns(self.sample.phase_start_ns));
         }
     }
 
+    /// After the phase that has ended.
+    fn go_on(&mut self, inputs: &Inputs, events: &mut Output<Event>) {
+        let (at, next) = (self.phase_end, self.sample.phase as usize + 1);
+        if self.is_on_abort_path() {
+            events.publish(event(at, Event::ERROR, format_args!("mission aborted: its way out is flown")));
+            self.end(MissionState::ABORTED);
+        } else if next < self.mission.phases.len() {
+            self.begin(next, at, inputs, events);
+        } else {
+            events.publish(event(at, Event::INFO, format_args!("mission {} is done", self.mission.name)));
+            self.end(MissionState::DONE);
+        }
+    }
+
+    fn is_on_abort_path(&self) -> bool {
+        self.sample.phase as usize >= self.mission.phases.len()
+    }
+
+    /// The way out, where there is one and the trouble leaves it; else the end.
+    fn give_up(&mut self, now: Time, trouble: Trouble, inputs: &Inputs, events: &mut Output<Event>) {
+        let way_out = self.mission.phase(self.sample.phase as usize).and_then(|phase| phase.on_abort);
+        if let Some(way_out) = way_out.filter(|_| trouble.leaves_a_way_out() && !self.is_on_abort_path()) {
+            events.publish(event(now, Event::ERROR, format_args!("leaves its phases: {trouble}")));
+            self.since = None;
+            self.begin(self.mission.phases.len() + way_out, now, inputs, events);
+        } else {
+            events.publish(event(now, Event::ERROR, format_args!("mission aborted: {trouble}")));
+            self.end(MissionState::ABORTED);
+        }
+    }
+
+    /// Ends a phase whose condition has held for long enough, or that waits for it in vain.
+    fn watch_condition(&mut self, now: Time, inputs: &Inputs, events: &mut Output<Event>) {
+        let phase = self.mission.phase(self.sample.phase as usize);
+        let Some(until) = phase.and_then(|phase| phase.until) else { return };
+        self.met_since = self.met_since.filter(|_| self.is_met(until.condition, now, inputs));
+        if self.met_since.is_none() && self.is_met(until.condition, now, inputs) {
+            self.met_since = Some(now);
+        }
+        if self.met_since.is_some_and(|since| now.seconds_since(since) >= until.for_s) {
+            self.phase_end = now;
+        } else if now >= self.phase_end {
+            self.phase_end = now.plus_ns(1);
+            self.give_up(now, Trouble::TimedOut, inputs, events);
+        }
+    }
+
+    fn is_met(&self, condition: Condition, now: Time, inputs: &Inputs) -> bool {
+        let Some(nav) = inputs.nav.within(now, self.config.max_age_ns) else { return false };
+        let s = &self.sample;
+        match condition {
+            Condition::TargetSeen => self.tracker.is_known(now),
+            Condition::Grasped => s.target_held != 0,
+            Condition::Still { speed_m_s, omega_rad_s } => {
+                self.speed_of_centre(nav, inputs.links.get()) <= speed_m_s && nav.omega_rad_s.abs() <= omega_rad_s
+            }
+            Condition::Arrived { distance_m, speed_m_s } => {
+                let gone_s = now.age_ns(s.phase_start_ns) as f64 * 1e-9;
+                let apart: [f64; 3] = std::array::from_fn(|i| s.base_goal[i] + s.base_goal_rate[i] * gone_s);
+                let [x, y, theta] = apart;
+                let rate = s.base_goal_rate;
+                // The leg is not over before its time, however near the goal is.
+                gone_s >= s.base_duration_s
+                    && (nav.x_m - x).hypot(nav.y_m - y) <= distance_m
+                    && (nav.theta_rad - theta).abs() * 0.5 <= distance_m
+                    && (nav.vx_m_s - rate[0]).hypot(nav.vy_m_s - rate[1]) <= speed_m_s
+                    && (nav.omega_rad_s - rate[2]).abs() * 0.5 <= speed_m_s
+            }
+        }
+    }
+
+    /// Of the whole vehicle, its joints held; of the base where the vehicle is not known, m/s.
+    fn speed_of_centre(&self, nav: &NavState, links: Option<&LinksState>) -> f64 {
+        let (Some(model), Some(links)) = (&self.config.model, links) else { return nav.vx_m_s.hypot(nav.vy_m_s) };
+        let mut state =
+            State::from_slices(&[nav.x_m, nav.y_m, nav.theta_rad], &[nav.vx_m_s, nav.vy_m_s, nav.omega_rad_s]);
+        for (slot, q_rad) in state.q.iter_mut().skip(3).zip(&links.q_rad[..model.link_count()]) {
+            *slot = *q_rad;
+        }
+        model.momentum(&state).linear.norm() / model.total_mass_kg()
+    }
+
     fn begin(&mut self, index: usize, start: Time, inputs: &Inputs, events: &mut Output<Event>) {
-        let phase = &self.mission.phases[index];
-        let Phase { name, duration_s, settle_s, .. } = phase;
-        events.publish(event(start, Event::INFO, format_args!("phase {}: {name}", index + 1)));
-        self.phase_end = start.plus_ns(((duration_s + settle_s) * 1e9) as u64);
+        let Some(phase) = self.mission.phase(index) else { return };
+        events.publish(event(start, Event::INFO, format_args!("phase {}: {}", index + 1, phase.name)));
+        self.phase_end = start.plus_ns((phase.longest_s() * 1e9) as u64);
+        self.met_since = None;
         let here = inputs.nav.get().map_or(self.sample.base_goal, |nav| [nav.x_m, nav.y_m, nav.theta_rad]);
         let s = &mut self.sample;
         s.phase = index as u32;
         s.phase_start_ns = start.ns();
         set_base_goal(s, phase, here);
         set_arm_goal(s, phase);
+        if let BaseGoal::Meet { standoff_m } = phase.base {
+            self.meet(standoff_m, start, here, inputs);
+        }
+    }
+
+    /// The goal of a base that meets the target.
+    fn meet(&mut self, standoff_m: f64, start: Time, here: [f64; 3], inputs: &Inputs) {
+        let (Some(model), Some(target), Some(links)) = (&self.config.model, &self.mission.target, inputs.links.get())
+        else {
+            return;
+        };
+        let first = self.sample.phase as usize;
+        let coming = &self.mission.phases[first.min(self.mission.phases.len())..];
+        let q_rad = match coming.first().map(|phase| &phase.arm) {
+            Some(ArmGoal::Joints(q_rad)) => q_rad.as_slice(),
+            _ => &links.q_rad[..model.link_count()],
+        };
+        // The grasp is at the end of the arm's way to the handle.
+        let mut grasp_after_s = 0.0;
+        for phase in coming {
+            grasp_after_s += phase.duration_s + phase.settle_s;
+            if phase.arm == ArmGoal::Capture {
+                break;
+            }
+        }
+        let meeting = Meeting {
+            model,
+            q_rad,
+            target: self.tracker.motion(start),
+            radius_m: target.body.radius_m,
+            standoff_m,
+            grasp_after_s,
+        };
+        (self.sample.base_goal, self.sample.base_goal_rate) = meeting.goal(here);
+    }
+
+    /// Takes in where the target is and whether it is held.
+    fn look(&mut self, now: Time, inputs: &Inputs) {
+        if let Some(mocap) = inputs.target.fresh() {
+            self.tracker.update(mocap);
+        }
+        if let Some(links) = inputs.links.within(now, self.config.max_age_ns) {
+            let last = (links.link_count as usize).clamp(1, MAX_LINKS) - 1;
+            self.sample.target_held = u8::from(links.fault[last] & LinksState::GRIPPING != 0);
+        }
+    }
+
+    fn tell_of_target(&mut self, now: Time) {
+        let motion = self.tracker.motion(now);
+        (self.sample.target, self.sample.target_rate) = (motion.pose, motion.rate);
+        self.sample.target_seen = u8::from(self.tracker.is_known(now));
     }
 
     /// The safe end: thrusters shut, joints held.
@@ -169,12 +299,19 @@ impl MissionService {
     fn trouble(&self, now: Time, inputs: &Inputs) -> Option<Trouble> {
         let max_age_ns = self.config.max_age_ns;
         let running = self.sample.state == MissionState::RUNNING;
+        let phase = self.mission.phase(self.sample.phase as usize).filter(|_| running);
         let Some(nav) = inputs.nav.within(now, max_age_ns) else { return Some(Trouble::Navigation) };
         match nav.mode {
             NavState::TRACKING | NavState::NO_GYRO => {}
             NavState::COASTING if running => {}
             NavState::LOST if running => return Some(Trouble::NavigationLost),
             _ => return Some(Trouble::Navigation),
+        }
+        if running && self.config.edges_m.is_some_and(|[x, y]| nav.x_m.abs() > x || nav.y_m.abs() > y) {
+            return Some(Trouble::OffTable);
+        }
+        if phase.is_some_and(Phase::needs_target) && self.sample.target_held == 0 && self.tracker.is_lost(now) {
+            return Some(Trouble::TargetLost);
         }
         let Some(links) = inputs.links.within(now, max_age_ns) else { return Some(Trouble::Telemetry) };
         let serious = LinksState::FAULT_DRIVER | LinksState::FAULT_TORQUE_SENSOR | LinksState::FAULT_COMMAND_TIMEOUT;
@@ -192,97 +329,6 @@ impl MissionService {
     }
 }
 
-/// Base goals are published as absolute poses, so that a controller that restarts within a phase still knows them.
-fn set_base_goal(s: &mut MissionState, phase: &Phase, here: [f64; 3]) {
-    let was_controlled = s.base_mode == MissionState::BASE_HOLD;
-    s.base_goal_relative = 0;
-    s.base_mode = MissionState::BASE_HOLD;
-    s.base_duration_s = phase.duration_s;
-    s.valves = [0; MAX_THRUSTERS];
-    match phase.base {
-        BaseGoal::Free => {
-            s.base_mode = MissionState::BASE_FREE;
-            s.base_goal = here;
-        }
-        BaseGoal::Hold => {
-            s.base_duration_s = 0.0;
-            s.base_goal = if was_controlled { s.base_goal } else { here };
-        }
-        BaseGoal::Goto { pose: [x, y, theta], relative: true } => {
-            s.base_goal = [here[0] + x, here[1] + y, here[2] + theta];
-        }
-        BaseGoal::Goto { pose: [x, y, theta], relative: false } => {
-            // The heading is unwrapped: take the turn that is the shorter one.
-            let turn =
-                (theta - here[2] + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
-            s.base_goal = [x, y, here[2] + turn];
-        }
-        BaseGoal::Valves(_) => {
-            s.base_mode = MissionState::BASE_VALVES;
-            s.base_goal = here;
-        }
-    }
-}
-
-/// Which valves the pulses want open `since_ns` after the start of their phase.
-fn open_valves(pulses: &[Pulse], since_ns: u64) -> [u8; MAX_THRUSTERS] {
-    let mut valves = [0; MAX_THRUSTERS];
-    // The mission steps on a raster of its own: what falls between two steps comes with the later one.
-    let ns = |time_s: f64| (time_s * 1e9).round() as u64;
-    for pulse in pulses.iter().filter(|p| (ns(p.at_s)..ns(p.at_s + p.for_s)).contains(&since_ns)) {
-        for &thruster in &pulse.thrusters {
-            if let Some(valve) = valves.get_mut(thruster) {
-                *valve = 1;
-            }
-        }
-    }
-    valves
-}
-
-fn set_sines(s: &mut MissionState, sines: &[Sine]) {
-    s.sine_amplitude_rad = [0.0; MAX_LINKS * MAX_SINES];
-    let mut used = [0; MAX_LINKS];
-    for sine in sines {
-        let Some(own) = used.get_mut(sine.joint).filter(|own| **own < MAX_SINES) else { continue };
-        let slot = sine.joint * MAX_SINES + *own;
-        *own += 1;
-        s.sine_amplitude_rad[slot] = sine.amplitude_rad;
-        s.sine_frequency_hz[slot] = sine.frequency_hz;
-        s.sine_phase_rad[slot] = sine.phase_rad;
-    }
-}
-
-fn set_arm_goal(s: &mut MissionState, phase: &Phase) {
-    s.arm_duration_s = phase.duration_s;
-    s.arm_mode = match &phase.arm {
-        ArmGoal::Off => MissionState::ARM_OFF,
-        ArmGoal::Hold => MissionState::ARM_HOLD,
-        ArmGoal::Joints(q_rad) => {
-            for (goal, q) in s.q_goal_rad.iter_mut().zip(q_rad) {
-                *goal = *q;
-            }
-            MissionState::ARM_JOINTS
-        }
-        ArmGoal::Sines { about_rad, sines } => {
-            for (goal, q) in s.q_goal_rad.iter_mut().zip(about_rad) {
-                *goal = *q;
-            }
-            set_sines(s, sines);
-            MissionState::ARM_SINES
-        }
-        ArmGoal::Line { length_m, direction_rad, keep_orientation, zero_reaction } => {
-            s.line_length_m = *length_m;
-            s.line_direction_rad = *direction_rad;
-            match (zero_reaction, keep_orientation) {
-                (false, false) => MissionState::ARM_LINE,
-                (false, true) => MissionState::ARM_LINE_POSE,
-                (true, false) => MissionState::ARM_ZERO_REACTION,
-                (true, true) => MissionState::ARM_ZERO_REACTION_POSE,
-            }
-        }
-    };
-}
-
 fn event(now: Time, severity: u8, message: core::fmt::Arguments<'_>) -> Event {
     Event::new(now.ns(), MissionService::NAME, severity, message)
 }
@@ -293,12 +339,14 @@ impl Service for MissionService {
     const NAME: &'static str = "mission";
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        self.look(now, inputs);
         match self.sample.state {
             MissionState::WAITING => self.wait(now, inputs, &mut outputs.events),
             MissionState::RUNNING => self.run(now, inputs, &mut outputs.events),
             _ => {}
         }
         self.sample.stamp_ns = now.ns();
+        self.tell_of_target(now);
         outputs.mission.publish(self.sample);
     }
 }

@@ -125,12 +125,13 @@ fn links<'a>(stack: &Stack, tape: &'a Tape, life: &[Step]) -> Result<Player<'a, 
 fn mission<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, MissionService>> {
     let bus = &bus(stack);
     player!(
-        MissionService::new(stack.mission.clone(), MissionConfig::default()),
+        MissionService::new(stack.mission.clone(), MissionConfig::for_plant(&stack.plant)),
         bus,
         [
             FromTopic::open(bus, &tape.nav).into_diagnostic()?,
             FromTopic::open(bus, &tape.links).into_diagnostic()?,
             FromTopic::open(bus, &tape.arm).into_diagnostic()?,
+            FromTopic::open(bus, &tape.mocap_target).into_diagnostic()?,
         ],
         [&tape.mission, &tape.events]
     )

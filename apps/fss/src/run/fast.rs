@@ -125,7 +125,7 @@ fn add(
         }
         "calibration" => member!(Calibration::new(plant.link_count(), MovementBand::of(plant))),
         "thrusters" => member!(Thrusters::new(plant.thrusters.len())),
-        "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::default())),
+        "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::for_plant(&stack.plant))),
         other => return Err(miette!("service '{other}' does not fly on a virtual clock")),
     }
     Ok(())
@@ -163,7 +163,7 @@ struct Wires {
 impl VirtualLaboratory {
     fn new(stack: &Stack, plant: &Plant, bus: &Bus, seed: u64) -> Result<Self> {
         let mut config = LabConfig::new(seed, key_of(seed)?);
-        config.start = start_of(&stack.mission);
+        config.start = start_of(&stack.mission, plant, seed);
         stack.faults.apply_to(&mut config);
         let wires = Wires {
             names: ObjectNames::default(),

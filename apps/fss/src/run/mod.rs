@@ -1,6 +1,7 @@
 //! `fss run`, `fss service` and `fss lab`: flying a mission, in real time or as fast as the machine allows.
 
 pub mod fast;
+mod figures;
 mod launcher;
 mod limits;
 mod measured;
@@ -37,7 +38,8 @@ use summary::Records;
 /// Fly a mission.
 #[derive(Args)]
 pub struct RunArgs {
-    /// A mission that comes with fss (hold, slew, reach, zero-reaction, calibrate, experiment-*) or a mission file.
+    /// A mission that comes with fss (hold, slew, reach, zero-reaction, detumble, capture, calibrate, experiment-*) or a
+    /// mission file.
     #[arg(default_value = "zero-reaction")]
     mission: String,
     /// Launch file: rates, priorities, cores, devices.
@@ -153,6 +155,8 @@ pub fn run(args: &RunArgs) -> Result<()> {
     let log = Log::open(&folder.join(LOG_FILE)).into_diagnostic()?;
     let records = Records::of(&log, &stack.launch.vehicle).into_diagnostic()?;
     let mut summary = records.summary(&stack.mission_name);
+    summary.stop = figures::stop(&stack, records.truth(), records.states());
+    summary.capture = figures::capture(&stack, records.truth(), records.states());
     if let Some(mission) = ended {
         // The first log knows nothing of what came after its recorder's death.
         summary.outcome = summary::outcome(&[mission]);

@@ -17,6 +17,8 @@ use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
 use fss_messages::{MAX_LINKS, TruthState, topic};
 use fss_mission::{Mission, MissionConfig, MissionService};
+use fss_multibody::State;
+use fss_plant::Plant;
 use fss_recorder::{Limits, Recorder};
 use fss_records::log::{LogError, LogWriter};
 use fss_thrusters::Thrusters;
@@ -99,7 +101,7 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
             site.fly(Calibration::new(plant.link_count(), MovementBand::of(plant)), || ())?;
         }
         "mission" => {
-            site.fly(MissionService::new(site.stack.mission.clone(), MissionConfig::default()), || ())?;
+            site.fly(MissionService::new(site.stack.mission.clone(), MissionConfig::for_plant(plant)), || ())?;
         }
         _ => miette::bail!("there is no service '{name}'; `fss service --help` lists them"),
     }
@@ -231,7 +233,7 @@ pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
     let site = Site::open("lab", args)?;
     let schedule = site.schedule("lab")?;
     let mut config = LabConfig::new(seed, site.link_key()?);
-    config.start = start_of(&site.stack.mission);
+    config.start = start_of(&site.stack.mission, site.stack.laboratory(), seed);
     site.stack.faults.apply_to(&mut config);
     let devices = &site.launch.devices;
     let addresses = Addresses {
@@ -265,16 +267,34 @@ pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
     laboratory.run(&site.stop, tell_truth, report).into_diagnostic()
 }
 
-/// Where the laboratory starts for a mission.
-pub fn start_of(mission: &Mission) -> Start {
+/// Where the laboratory starts for a mission with a seed.
+pub fn start_of(mission: &Mission, plant: &Plant, seed: u64) -> Start {
     let initial = &mission.initial;
     let joints = |values: &[f64]| std::array::from_fn::<_, MAX_LINKS, _>(|i| values.get(i).copied().unwrap_or(0.0));
+    let [vehicle, target] = mission.drawn(seed);
+    let pose = sum(initial.base_pose, vehicle.pose);
+    let q_rad = joints(&initial.q_rad);
+    // A drawn spin is about the centre of mass of the whole: the base's origin goes around that.
+    let lever = plant.model().map_or([0.0; 2], |model| {
+        let state = State::from_slices(&[pose.as_slice(), &q_rad[..plant.link_count().min(MAX_LINKS)]].concat(), &[]);
+        let centre = model.center_of_mass(&state.q);
+        [pose[0] - centre.x, pose[1] - centre.y]
+    });
+    let [vx, vy, spin] = vehicle.velocity;
     Start {
-        pose: initial.base_pose,
-        velocity: initial.base_rate,
-        q_rad: joints(&initial.q_rad),
+        pose,
+        velocity: sum(initial.base_rate, [vx - spin * lever[1], vy + spin * lever[0], spin]),
+        q_rad,
         qd_rad_s: joints(&initial.qd_rad_s),
+        target: mission
+            .target
+            .as_ref()
+            .map(|known| [sum(known.body.pose, target.pose), sum(known.body.velocity, target.velocity)]),
     }
+}
+
+fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] + b[i])
 }
 
 /// Opens a device that another process of the stack may be about to make.

@@ -22,6 +22,8 @@ pub const MISSIONS: &[(&str, &str)] = &[
     ("slew", include_str!("../../../../deploy/etc/missions/slew.toml")),
     ("reach", include_str!("../../../../deploy/etc/missions/reach.toml")),
     ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
+    ("detumble", include_str!("../../../../deploy/etc/missions/detumble.toml")),
+    ("capture", include_str!("../../../../deploy/etc/missions/capture.toml")),
     ("calibrate", include_str!("../../../../deploy/etc/missions/calibrate.toml")),
     ("experiment-coast", include_str!("../../../../deploy/etc/missions/experiment-coast.toml")),
     ("experiment-single-joint", include_str!("../../../../deploy/etc/missions/experiment-single-joint.toml")),
@@ -125,9 +127,11 @@ impl Stack {
         let launch =
             Launch::parse(&launch_file.text, SERVICES).map_err(|e| launch_file.error(e.message, e.help, e.span))?;
         let launch = asked_for(launch, launch_file, mission_file)?;
-        let plant = Plant::parse(&plant_file.text).map_err(|e| plant_file.error(e.message, e.help, Some(e.span)))?;
+        let mut plant =
+            Plant::parse(&plant_file.text).map_err(|e| plant_file.error(e.message, e.help, Some(e.span)))?;
         let mission = Mission::parse_for(&mission_file.text, &plant)
             .map_err(|e| mission_file.error(e.message, e.help, Some(e.span)))?;
+        bring_target(&mut plant, &mission);
         if launch.devices.links.len() != plant.link_count() {
             let message = format!(
                 "the launch file gives {} link addresses, but the plant has {} links",
@@ -158,7 +162,8 @@ impl Stack {
     /// Names the file, the line and what to do.
     pub fn in_laboratory(mut self, path: &Path) -> Result<Self> {
         let file = TextFile::read(path, "laboratory's plant file")?;
-        let plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
+        let mut plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
+        bring_target(&mut plant, &self.mission);
         let count = |plant: &Plant| (plant.link_count(), plant.thrusters.len());
         if count(&plant) != count(&self.plant) {
             let message = "the laboratory has other links or thrusters than the plant".to_owned();
@@ -222,6 +227,13 @@ fn asked_for(mut launch: Launch, launch_file: &TextFile, mission_file: &TextFile
         !schedule.on_demand || demand.services.iter().any(is_it)
     });
     Ok(launch)
+}
+
+/// A mission brings the target that it captures onto the table.
+fn bring_target(plant: &mut Plant, mission: &Mission) {
+    if let Some(target) = &mission.target {
+        plant.target = Some(target.body.clone());
+    }
 }
 
 /// Faults as a file says them, where they make sense with this plant.

@@ -1,5 +1,6 @@
 //! What happened in a run, told from its log alone.
 
+use super::figures::{CaptureFigures, StopFigures};
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
 use fss_records::log::{Log, LogError, Samples, TopicInfo};
 use serde::Serialize;
@@ -26,6 +27,12 @@ pub struct Summary {
     pub navigation: Option<Navigation>,
     /// Gas used, kg.
     pub gas_used_kg: Option<f64>,
+    /// What a stop took.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stop: Option<StopFigures>,
+    /// How a capture went.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub capture: Option<CaptureFigures>,
     /// Each service's cycles and overruns.
     pub services: BTreeMap<String, ServiceFigures>,
     /// What a flight that calibrates has found: `fss-calibration/1`.
@@ -142,6 +149,16 @@ impl Records {
         navigation(&trusted, &self.truth).map(|n| (n.position_rms_m, trusted.len() as f64))
     }
 
+    /// The truth of the whole run.
+    pub fn truth(&self) -> &[TruthState] {
+        &self.truth
+    }
+
+    /// Where the mission stood.
+    pub fn states(&self) -> &[MissionState] {
+        &self.states
+    }
+
     /// What the arm was told.
     pub fn arm(&self) -> &[ArmCommand] {
         &self.arm
@@ -161,6 +178,8 @@ impl Records {
             end_effector: end_effector(flown, &self.arm),
             navigation: navigation(&self.nav, &self.truth),
             gas_used_kg: self.truth.last().map(|t| t.gas_used_kg),
+            stop: None,
+            capture: None,
             services: services(&self.health),
             calibration: None,
             warnings: warnings(&self.events, first_ns),
@@ -192,6 +211,12 @@ impl Summary {
         if let Some(n) = &self.navigation {
             let (p, h) = (n.position_rms_m * 1e3, n.heading_rms_deg);
             println!("navigation error   {p:.3} mm and {h:.4} deg RMS against truth");
+        }
+        if let Some(stop) = &self.stop {
+            stop.print();
+        }
+        if let Some(capture) = &self.capture {
+            capture.print();
         }
         println!("gas used           {} g", number(self.gas_used_kg, 1e3, 2));
         let total = |f: fn(&ServiceFigures) -> u64| self.services.values().map(f).sum::<u64>();

@@ -88,6 +88,11 @@ impl Link {
         Ok(())
     }
 
+    /// Whether its gripper shall be closed, by the last command; it stays so when commands stop.
+    pub(crate) fn closes_gripper(&self) -> bool {
+        self.command.gripper
+    }
+
     /// What the driver makes of the last command at `now_ns`.
     pub(crate) fn drive(&mut self, now_ns: u64, simulation: &Simulation, faults: ActiveFaults<'_>) -> Drive {
         let age_ns = now_ns.saturating_sub(self.received_ns);
@@ -159,6 +164,7 @@ impl Link {
         let full_scale_nm = simulation.physics().sensors.nominal.torque_range_n_m.unwrap_or(TORQUE_RANGE_NM);
         let torque = TorqueCount::from_torque(sample.torque_nm, full_scale_nm);
         let charge = simulation.link_battery_charge(i).unwrap_or(1.0);
+        let physics = simulation.physics();
         Telemetry {
             link: link as u8,
             mode: self.command.mode,
@@ -172,7 +178,8 @@ impl Link {
                 .with(Faults::TORQUE_SATURATED, torque.is_saturated())
                 .with(Faults::JOINT_LIMIT, self.at_limit)
                 .with(Faults::TORQUE_LIMIT, self.at_torque_limit)
-                .with(Faults::BATTERY_LOW, charge < LOW_CHARGE),
+                .with(Faults::BATTERY_LOW, charge < LOW_CHARGE)
+                .with(Faults::GRIPPING, link == physics.joints.len() && simulation.is_grasping()),
             last_command: self.guard.last().unwrap_or(0),
             battery_v: simulation.link_battery_v(i).unwrap_or(NOMINAL_BATTERY_V) as f32,
             battery_charge: charge as f32,

@@ -7,10 +7,15 @@ use crc::{CRC_32_ISO_HDLC, Crc, Table};
 const MAGIC: [u8; 4] = *b"FSSL";
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
+/// Bit of the mode's byte: the gripper shall be closed.
+const GRIPPER: u8 = 0x80;
+
 /// The fields that both kinds share.
 pub(super) struct Header {
     pub(super) link: u8,
     pub(super) mode: Mode,
+    /// Of commands only.
+    pub(super) gripper: bool,
     pub(super) sequence: u64,
     pub(super) time_ns: u64,
 }
@@ -26,7 +31,8 @@ impl Fields {
     pub(super) fn begin(kind: u8, header: &Header) -> Self {
         let mut fields = Self { bytes: [0; DATAGRAM_LEN], len: 0 };
         fields.put(MAGIC);
-        fields.put([VERSION, kind, header.link, header.mode as u8]);
+        let gripper = if header.gripper { GRIPPER } else { 0 };
+        fields.put([VERSION, kind, header.link, header.mode as u8 | gripper]);
         fields.put(header.sequence.to_le_bytes());
         fields.put(header.time_ns.to_le_bytes());
         fields
@@ -77,9 +83,13 @@ pub(super) fn open(datagram: &[u8], kind: u8) -> Result<(Header, Reader<'_>), Li
     if link == 0 {
         return Err(LinkError::Link);
     }
-    let mode = reader.u8().ok_or(length)?;
+    let byte = reader.u8().ok_or(length)?;
+    // Telemetry has no gripper to close: there the bit is no mode.
+    let gripper = kind == super::KIND_COMMAND && byte & GRIPPER != 0;
+    let mode = if gripper { byte & !GRIPPER } else { byte };
     let header = Header {
         link,
+        gripper,
         mode: Mode::from_u8(mode).ok_or(LinkError::Mode(mode))?,
         sequence: reader.u64().ok_or(length)?,
         time_ns: reader.u64().ok_or(length)?,

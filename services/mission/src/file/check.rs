@@ -1,8 +1,10 @@
 //! From what is written to what is meant: values that make no sense are refused where they stand.
 
+mod conditions;
 mod excitation;
+mod flight;
 
-use super::{ArmGoal, BaseGoal, Initial, Mission, Phase, raw};
+use super::{ArmGoal, BaseGoal, Initial, Mission, Phase, Ranges, TargetBody, raw};
 use crate::error::Fault;
 use fss_messages::MAX_LINKS;
 use fss_plant::Plant;
@@ -23,12 +25,68 @@ pub(super) fn mission(raw: raw::Mission, plant: For) -> Checked<Mission> {
     if raw.phase.get_ref().is_empty() {
         return Err(Fault::new(raw.phase.span(), "the mission has no phase", "add a [[phase]]"));
     }
-    let phases = raw.phase.into_inner().into_iter().enumerate();
-    Ok(Mission {
-        name: raw.name.into_inner(),
-        description: raw.description,
+    let abort_names: Vec<String> = raw.abort.iter().filter_map(|phase| phase.get_ref().name.clone()).collect();
+    if abort_names.len() < raw.abort.len() {
+        let span = raw.abort.iter().find(|phase| phase.get_ref().name.is_none()).map_or(0..0, Spanned::span);
+        return Err(Fault::new(span, "an [[abort]] phase without a name", "name it, and let on_abort name it too"));
+    }
+    let all = |raw: &[Spanned<raw::Phase>]| -> Checked<Vec<Phase>> {
+        raw.iter().enumerate().map(|(i, raw)| phase(raw, i, &abort_names, plant)).collect()
+    };
+    let mission = Mission {
         initial: initial(&raw.initial, plant)?,
-        phases: phases.map(|(i, raw)| phase(raw, i, plant)).collect::<Checked<_>>()?,
+        phases: all(raw.phase.get_ref())?,
+        aborts: all(&raw.abort)?,
+        target: raw.target.as_ref().map(|target| self::target(target.get_ref(), plant)).transpose()?,
+        name: raw.name.get_ref().clone(),
+        description: raw.description.clone(),
+    };
+    flight::check(&mission, &raw, plant)?;
+    Ok(mission)
+}
+
+fn target(raw: &raw::Target, plant: For) -> Checked<TargetBody> {
+    let positive = |value: &raw::Number| match number(value)? {
+        amount if amount > 0.0 => Ok(amount),
+        amount => Err(Fault::new(value.span(), format!("a target cannot have {amount} here"), "give more than 0")),
+    };
+    Ok(TargetBody {
+        body: fss_plant::Target {
+            mass_kg: positive(&raw.mass_kg)?,
+            inertia_kg_m2: positive(&raw.inertia_kg_m2)?,
+            radius_m: positive(&raw.radius_m)?,
+            restitution: 0.0,
+            pose: [
+                on_table(Some(&raw.x_m), 0, plant)?,
+                on_table(Some(&raw.y_m), 1, plant)?,
+                number_or_zero(raw.theta_deg.as_ref())?.to_radians(),
+            ],
+            velocity: [
+                number_or_zero(raw.vx_m_s.as_ref())?,
+                number_or_zero(raw.vy_m_s.as_ref())?,
+                number_or_zero(raw.omega_deg_s.as_ref())?.to_radians(),
+            ],
+        },
+        ranges: ranges(&raw.draw)?,
+    })
+}
+
+fn ranges(raw: &raw::Draw) -> Checked<Ranges> {
+    let range = |range: Option<&raw::Range>, scale: f64| -> Checked<[f64; 2]> {
+        let Some(range) = range else { return Ok([0.0; 2]) };
+        let [low, high] = *range.get_ref();
+        if low.is_finite() && high.is_finite() && low <= high {
+            return Ok([low * scale, high * scale]);
+        }
+        Err(Fault::new(range.span(), format!("from {low} to {high} is no range"), "give the lower end first"))
+    };
+    let degrees = 1_f64.to_radians();
+    Ok(Ranges {
+        x_m: range(raw.x_m.as_ref(), 1.0)?,
+        y_m: range(raw.y_m.as_ref(), 1.0)?,
+        theta_rad: range(raw.theta_deg.as_ref(), degrees)?,
+        drift_m_s: range(raw.drift_m_s.as_ref(), 1.0)?,
+        spin_rad_s: range(raw.spin_deg_s.as_ref(), degrees)?,
     })
 }
 
@@ -49,11 +107,12 @@ fn initial(raw: &raw::Initial, plant: For) -> Checked<Initial> {
             one_for_each_joint(qd, plant)?;
             qd.get_ref().iter().map(|rate| Ok(number(rate)?.to_radians())).collect()
         })?,
+        ranges: raw.draw.as_ref().map_or(Ok(Ranges::default()), ranges)?,
     })
 }
 
-fn phase(raw: Spanned<raw::Phase>, index: usize, plant: For) -> Checked<Phase> {
-    let raw = raw.into_inner();
+fn phase(raw: &Spanned<raw::Phase>, index: usize, abort_names: &[String], plant: For) -> Checked<Phase> {
+    let raw = raw.get_ref();
     let duration_s = number(&raw.duration_s)?;
     if !(duration_s > 0.0 && duration_s <= LONGEST_PHASE_S) {
         let help = format!("a phase lasts more than 0 and at most {LONGEST_PHASE_S} s");
@@ -61,7 +120,7 @@ fn phase(raw: Spanned<raw::Phase>, index: usize, plant: For) -> Checked<Phase> {
     }
     let settle_s = number_or_zero(raw.settle_s.as_ref())?;
     if !(0.0..=LONGEST_PHASE_S).contains(&settle_s) {
-        let span = raw.settle_s.map_or(0..0, |s| s.span());
+        let span = raw.settle_s.as_ref().map_or(0..0, Spanned::span);
         let help = format!("give 0 to {LONGEST_PHASE_S} s, or leave it out");
         return Err(Fault::new(span, format!("goals cannot be kept for {settle_s} s"), help));
     }
@@ -74,8 +133,16 @@ fn phase(raw: Spanned<raw::Phase>, index: usize, plant: For) -> Checked<Phase> {
             "write base = { goal = \"free\" }, or let the arm's goal be \"line\"",
         ));
     }
-    let name = raw.name.unwrap_or_else(|| format!("phase {}", index + 1));
-    Ok(Phase { name, duration_s, settle_s, base, arm })
+    Ok(Phase {
+        name: raw.name.clone().unwrap_or_else(|| format!("phase {}", index + 1)),
+        until: conditions::until(raw, duration_s)?,
+        on_abort: conditions::on_abort(raw, abort_names)?,
+        gripper_closed: raw.gripper.map(|gripper| gripper == raw::Gripper::Closed),
+        duration_s,
+        settle_s,
+        base,
+        arm,
+    })
 }
 
 fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
@@ -83,6 +150,10 @@ fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
     if goal != raw::BaseGoal::Valves {
         let keys = [("pulses", raw.pulses.as_ref().map(Spanned::span))];
         refuse_all(keys.into_iter(), "only the base's goal \"valves\" takes it")?;
+    }
+    if goal != raw::BaseGoal::Meet {
+        let keys = [("standoff_m", raw.standoff_m.as_ref().map(Spanned::span))];
+        refuse_all(keys.into_iter(), "only the base's goal \"meet\" takes it")?;
     }
     if goal == raw::BaseGoal::Goto {
         let relative = raw.relative.as_ref().is_some_and(|r| *r.get_ref());
@@ -108,6 +179,8 @@ fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
     refuse_all(numbers.into_iter().chain([relative]), "only the base's goal \"goto\" takes it")?;
     Ok(match goal {
         raw::BaseGoal::Free => BaseGoal::Free,
+        raw::BaseGoal::Stop => BaseGoal::Stop,
+        raw::BaseGoal::Meet => conditions::meet(raw)?,
         raw::BaseGoal::Valves => BaseGoal::Valves(excitation::pulses(raw, phase_s, plant)?),
         _ => BaseGoal::Hold,
     })
@@ -136,6 +209,7 @@ fn arm_goal(raw: &Spanned<raw::Arm>, plant: For) -> Checked<ArmGoal> {
     match raw.goal.get_ref() {
         raw::ArmGoal::Off => Ok(ArmGoal::Off),
         raw::ArmGoal::Hold => Ok(ArmGoal::Hold),
+        raw::ArmGoal::Capture => Ok(ArmGoal::Capture),
         raw::ArmGoal::Joints => {
             let q_deg = raw.q_deg.as_ref().ok_or_else(|| missing("q_deg"))?;
             joint_angles(q_deg, plant).map(ArmGoal::Joints)

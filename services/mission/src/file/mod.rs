@@ -28,10 +28,31 @@
 //! ] }
 //! ```
 //!
+//! A phase ends with its time, or with a condition:
+//!
+//! ```toml
+//! [[phase]]
+//! duration_s = 5
+//! until = { condition = "still", speed_m_s = 0.002, omega_deg_s = 0.1, for_s = 2 }
+//!                              # or "arrived" (also distance_m), "target-seen", "grasped"
+//! timeout_s = 120              # where the condition has not come, or the target is lost, the mission is aborted:
+//! on_abort = "back off"        # it flies the [[abort]] phase of this name and then ends
+//! base = { goal = "stop" }     # stop turning and drifting with the least gas
+//! arm = { goal = "hold" }
+//! ```
+//!
+//! A mission with a `[target]` captures it: the base's goal `"meet"` brings the end-effector, as the arm stands, to
+//! `standoff_m` before the target's handle and lets it drift with the target; the arm's goal `"capture"` leads it to the
+//! handle; `gripper = "closed"` arms the gripper from this phase on. `[initial.draw]` and `[target.draw]` are ranges from
+//! which a run's seed draws ([`Mission::drawn`]). `[limits] gas_g` bounds what the mission may use.
+//!
 //! `[network.NAME]` and `[[fault]]` tables, as in a fault file, belong to the simulated laboratory and are not read here.
 
 mod check;
+mod draw;
 mod raw;
+
+pub use draw::{Draw, Ranges};
 
 use crate::error::{Fault, MissionError};
 use fss_plant::Plant;
@@ -47,6 +68,19 @@ pub struct Mission {
     pub initial: Initial,
     /// The phases in their order; at least one.
     pub phases: Vec<Phase>,
+    /// Phases that are flown only where another phase's `on_abort` names them.
+    pub aborts: Vec<Phase>,
+    /// The body to be captured.
+    pub target: Option<TargetBody>,
+}
+
+/// The body to be captured: a disc with a handle on its rim at the body's angle 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetBody {
+    /// Its parameters, and where it starts before anything is drawn.
+    pub body: fss_plant::Target,
+    /// What a seed adds to its start.
+    pub ranges: Ranges,
 }
 
 /// The state in which the simulated laboratory starts.
@@ -60,6 +94,8 @@ pub struct Initial {
     pub q_rad: Vec<f64>,
     /// Joint rates, rad/s; empty where the file gives none.
     pub qd_rad_s: Vec<f64>,
+    /// What a seed adds.
+    pub ranges: Ranges,
 }
 
 /// A time in which base and arm have one goal each.
@@ -75,6 +111,46 @@ pub struct Phase {
     pub base: BaseGoal,
     /// What the arm does.
     pub arm: ArmGoal,
+    /// What ends it before its time.
+    pub until: Option<Until>,
+    /// Which of [`Mission::aborts`] is flown where it fails.
+    pub on_abort: Option<usize>,
+    /// What the gripper does from now on; `None` leaves it as it is.
+    pub gripper_closed: Option<bool>,
+}
+
+/// A condition that ends a phase, and how long it must hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Until {
+    /// What must be.
+    pub condition: Condition,
+    /// For how long, s.
+    pub for_s: f64,
+    /// Where it has not come by then the phase has failed, s from its start.
+    pub timeout_s: f64,
+}
+
+/// What can end a phase.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Condition {
+    /// The vehicle's centre of mass and its base are nearly at rest.
+    Still {
+        /// Largest speed of the centre of mass, m/s.
+        speed_m_s: f64,
+        /// Largest rate of the base, rad/s.
+        omega_rad_s: f64,
+    },
+    /// The base is at its goal, and as fast as that.
+    Arrived {
+        /// Largest distance, m; as many rad of heading times half a metre.
+        distance_m: f64,
+        /// Largest difference of velocity, m/s.
+        speed_m_s: f64,
+    },
+    /// The target's motion is known.
+    TargetSeen,
+    /// The gripper says that it holds something.
+    Grasped,
 }
 
 /// What the base does in a phase.
@@ -93,6 +169,13 @@ pub enum BaseGoal {
     },
     /// Valves open and shut by the clock, whatever the base does.
     Valves(Vec<Pulse>),
+    /// Stops turning and drifting with the least gas.
+    Stop,
+    /// Goes to where the end-effector, as the arm stands, is before the target's handle, and drifts with the target.
+    Meet {
+        /// Distance of the end-effector from the handle, m.
+        standoff_m: f64,
+    },
 }
 
 /// A time in which valves are open.
@@ -146,6 +229,20 @@ pub enum ArmGoal {
         /// Whether the arm alone keeps the base from turning.
         zero_reaction: bool,
     },
+    /// The end-effector moves to the target's handle, and with it; the arm alone keeps the base from turning.
+    Capture,
+}
+
+impl Phase {
+    /// Its longest time, s.
+    pub fn longest_s(&self) -> f64 {
+        self.until.map_or(self.duration_s + self.settle_s, |until| until.timeout_s)
+    }
+
+    /// Whether it makes sense only where the target is seen.
+    pub fn needs_target(&self) -> bool {
+        matches!(self.base, BaseGoal::Meet { .. }) || self.arm == ArmGoal::Capture
+    }
 }
 
 impl Mission {
@@ -172,8 +269,13 @@ impl Mission {
             .map_err(|fault| fault.in_text(text))
     }
 
-    /// Time from the start of the first phase to the end of the last, s.
+    /// Longest time from the start of the first phase to the end of the last, s.
     pub fn duration_s(&self) -> f64 {
-        self.phases.iter().map(|phase| phase.duration_s + phase.settle_s).sum()
+        self.phases.iter().map(Phase::longest_s).sum()
+    }
+
+    /// The phase of this number: those of the sequence, then those of the abort paths.
+    pub fn phase(&self, index: usize) -> Option<&Phase> {
+        self.phases.get(index).or_else(|| self.aborts.get(index.checked_sub(self.phases.len())?))
     }
 }

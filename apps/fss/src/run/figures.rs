@@ -1,0 +1,152 @@
+//! Figures of merit of missions that stop a vehicle or capture a target, from the truth.
+
+use super::stack::Stack;
+use fss_base::stop::{Body, least_impulse};
+use fss_messages::{MissionState, TruthState};
+use fss_multibody::{Model, State};
+use fss_plant::{Grasped, Physics, Plant};
+use serde::Serialize;
+
+/// Standard gravity, which makes a specific impulse a speed, m/s2.
+const G0_M_S2: f64 = 9.806_65;
+
+/// How much gas a stop took.
+#[derive(Clone, Debug, Serialize)]
+pub struct StopFigures {
+    /// Gas from the start of the stop to the end of the mission, kg.
+    pub gas_used_kg: f64,
+    /// Less than this no thruster firings need, kg.
+    pub least_gas_kg: f64,
+    /// One over the other.
+    pub ratio: f64,
+    /// Speed of the centre of mass at the start and at the end, m/s.
+    pub speed_m_s: [f64; 2],
+    /// Rate of the base at the start and at the end, degrees/s.
+    pub rate_deg_s: [f64; 2],
+}
+
+/// How a capture went.
+#[derive(Clone, Debug, Serialize)]
+pub struct CaptureFigures {
+    /// Whether the target is held at the end.
+    pub success: bool,
+    /// Distance of the end-effector from the handle when the gripper took it, m.
+    pub miss_m: Option<f64>,
+    /// Speed of the end-effector past the handle then, m/s.
+    pub contact_speed_m_s: Option<f64>,
+    /// Of vehicle and target together just before and just after: kg m/s, kg m/s, kg m2/s about the table's middle.
+    pub momentum_before: Option<[f64; 3]>,
+    /// The same just after.
+    pub momentum_after: Option<[f64; 3]>,
+    /// How far the base turned from the start of the arm's reach to the grasp, at most, degrees.
+    pub base_turned_deg: Option<f64>,
+    /// Nearest that base, joints, end-effector or target came to the table's edge, m; negative is beyond.
+    pub room_on_table_m: f64,
+}
+
+/// Of a mission with a phase whose base goal is to stop.
+pub fn stop(stack: &Stack, truth: &[TruthState], states: &[MissionState]) -> Option<StopFigures> {
+    let is_stop = |s: &&MissionState| s.state == MissionState::RUNNING && s.base_mode == MissionState::BASE_STOP;
+    let begin_ns = states.iter().find(is_stop)?.phase_start_ns;
+    let plant = stack.laboratory();
+    let specific_impulse_s = plant.tank.as_ref()?.specific_impulse_s;
+    let first = truth.get(truth.partition_point(|t| t.stamp_ns < begin_ns))?;
+    let last = truth.last()?;
+    let body = |t: &TruthState| body(plant, t);
+    let wrenches = fss_base::wrenches(&Physics::at(plant, 0.0));
+    let (at_first, at_last) = (body(first)?, body(last)?);
+    let least_gas_kg = least_impulse(&at_first, &wrenches) / (G0_M_S2 * specific_impulse_s);
+    let gas_used_kg = last.gas_used_kg - first.gas_used_kg;
+    let speed = |body: &Body| body.momentum[0].hypot(body.momentum[1]) / body.mass_kg;
+    Some(StopFigures {
+        gas_used_kg,
+        least_gas_kg,
+        ratio: gas_used_kg / least_gas_kg,
+        speed_m_s: [speed(&at_first), speed(&at_last)],
+        rate_deg_s: [at_first.rate_rad_s.to_degrees(), at_last.rate_rad_s.to_degrees()],
+    })
+}
+
+fn body(plant: &Plant, t: &TruthState) -> Option<Body> {
+    let model = model(plant, t)?;
+    let joints = t.link_count as usize;
+    let state = State::from_slices(
+        &[&[t.x_m, t.y_m, t.theta_rad], &t.q_rad[..joints]].concat(),
+        &[&[t.vx_m_s, t.vy_m_s, t.omega_rad_s], &t.qd_rad_s[..joints]].concat(),
+    );
+    Some(Body::of(&model, &state))
+}
+
+/// The vehicle as it is then: with the target where that is held, without the gas that is used.
+fn model(plant: &Plant, t: &TruthState) -> Option<Model> {
+    let mut physics = Physics::at(plant, 0.0);
+    if let (true, Some(target), Some(link)) = (t.target_held != 0, &plant.target, plant.links.last()) {
+        let (sin, cos) = t.ee[2].sin_cos();
+        let (dx, dy) = (t.target[0] - t.ee[0], t.target[1] - t.ee[1]);
+        physics.grasped = Some(Grasped {
+            mass_kg: target.mass_kg,
+            inertia_kg_m2: target.inertia_kg_m2,
+            at_m: [link.length_m + cos * dx + sin * dy, cos * dy - sin * dx],
+        });
+    }
+    physics.model(t.gas_used_kg).ok()
+}
+
+/// Of a mission with a target.
+pub fn capture(stack: &Stack, truth: &[TruthState], states: &[MissionState]) -> Option<CaptureFigures> {
+    let target = stack.mission.target.as_ref()?;
+    let last = truth.last()?;
+    let grasped = (last.grasp_ns > 0).then_some(last);
+    let reach = states.iter().find(|s| s.arm_mode == MissionState::ARM_CAPTURE).map(|s| s.phase_start_ns);
+    let turned = reach.filter(|_| grasped.is_some()).and_then(|begin_ns| {
+        let first = truth.iter().find(|t| t.stamp_ns >= begin_ns)?;
+        let during = truth.iter().filter(|t| (begin_ns..=last.grasp_ns).contains(&t.stamp_ns));
+        Some(during.map(|t| (t.theta_rad - first.theta_rad).to_degrees().abs()).fold(0.0, f64::max))
+    });
+    let half = stack.laboratory().table.size_m.map(|size| size / 2.0);
+    let room = |x: f64, y: f64| (half[0] - x.abs()).min(half[1] - y.abs());
+    let nearest = |t: &TruthState| {
+        let disc = room(t.target[0], t.target[1]) - target.body.radius_m;
+        room(t.x_m, t.y_m).min(room(t.ee[0], t.ee[1])).min(disc)
+    };
+    Some(CaptureFigures {
+        success: last.target_held != 0,
+        miss_m: grasped.map(|t| t.grasp_miss_m),
+        contact_speed_m_s: grasped.map(|t| t.grasp_speed_m_s),
+        momentum_before: grasped.map(|t| t.grasp_momentum_before),
+        momentum_after: grasped.map(|t| t.grasp_momentum_after),
+        base_turned_deg: turned,
+        room_on_table_m: truth.iter().map(nearest).fold(f64::INFINITY, f64::min),
+    })
+}
+
+impl StopFigures {
+    /// A line for a person.
+    pub fn print(&self) {
+        let (used, least) = (self.gas_used_kg * 1e3, self.least_gas_kg * 1e3);
+        println!("stop               {used:.2} g of gas, at least {least:.2} g are needed: ratio {:.3}", self.ratio);
+        let ([v0, v1], [w0, w1]) = (self.speed_m_s.map(|v| v * 1e3), self.rate_deg_s);
+        println!("                   from {w0:.2} deg/s and {v0:.1} mm/s to {w1:.3} deg/s and {v1:.1} mm/s");
+    }
+}
+
+impl CaptureFigures {
+    /// Lines for a person.
+    pub fn print(&self) {
+        let (Some(miss), Some(speed)) = (self.miss_m, self.contact_speed_m_s) else {
+            println!("capture            failed: the gripper took nothing");
+            return;
+        };
+        let what = if self.success { "the target is held" } else { "the target was let go" };
+        println!("capture            {what}; missed by {:.2} mm at {:.2} mm/s", miss * 1e3, speed * 1e3);
+        if let (Some(before), Some(after)) = (self.momentum_before, self.momentum_after) {
+            let show = |p: [f64; 3]| format!("({:.6}, {:.6}) kg m/s, {:.6} kg m2/s", p[0], p[1], p[2]);
+            println!("momentum           before {}\n                   after  {}", show(before), show(after));
+        }
+        let turned = self.base_turned_deg.unwrap_or(0.0);
+        println!(
+            "                   the base turned by {turned:.2} deg meanwhile, {:.2} m from the edge",
+            self.room_on_table_m
+        );
+    }
+}
