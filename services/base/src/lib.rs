@@ -93,13 +93,13 @@ impl BaseConfig {
             dead_band: [5e-4, 5e-4, 1e-3],
         }
     }
+}
 
-    /// The wrench in body axes that gives the base this acceleration (table axes) with the arm held as it is.
-    fn wrench(&self, model: &Model, state: &State, acceleration: [f64; 3]) -> Wrench {
-        let force = model.inverse_dynamics(state, &State::from_slices(&acceleration, &[]).q);
-        let (sin, cos) = state.q[2].sin_cos();
-        [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
-    }
+/// The wrench in body axes that gives the base this acceleration (table axes) with the arm held as it is.
+fn wrench(model: &Model, state: &State, acceleration: [f64; 3]) -> Wrench {
+    let force = model.inverse_dynamics(state, &State::from_slices(&acceleration, &[]).q);
+    let (sin, cos) = state.q[2].sin_cos();
+    [cos * force[0] + sin * force[1], cos * force[1] - sin * force[0], force[2]]
 }
 
 /// The vehicle with the target held by its handle: its centre lies one radius beyond the tip.
@@ -216,7 +216,7 @@ impl Base {
             for (i, r) in reference.iter().enumerate() {
                 (there.q[i], there.v[i]) = (r.position, r.velocity);
             }
-            !self.allocator.allocate(self.config.wrench(&model, &there, acceleration)).is_saturated()
+            !self.allocator.allocate(wrench(&model, &there, acceleration)).is_saturated()
         });
         if leg.duration_s > given_s + LATE_S && given_s > 0.0 {
             let needed_s = leg.duration_s;
@@ -319,7 +319,7 @@ impl Service for Base {
             let state = vehicle_state(nav, inputs.links.get(), self.config.model.link_count());
             let guidance = self.guide(now, &state, mission, &mut outputs.events);
             let wrench = match guidance {
-                Guidance::Accelerate(wanted) => self.config.wrench(self.model(mission), &state, wanted),
+                Guidance::Accelerate(wanted) => wrench(self.model(mission), &state, wanted),
                 Guidance::Coast | Guidance::Burn(_) => [0.0; 3],
             };
             let allocation = self.allocator.allocate(wrench);
