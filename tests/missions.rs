@@ -103,7 +103,7 @@ fn a_mission_that_leaves_the_table_is_refused_before_flight_with_its_line() {
     let drifting = format!("name = \"drift\"\n[initial]\nvx_m_s = 0.05\n{phase}");
     refused_with(&drifting, &["leaves the table after", "mission-test.toml:5"]);
     let beyond = format!("name = \"edge\"\n[initial]\nx_m = 0.9\n{phase}");
-    refused_with(&beyond, &["end-effector is off the table at the start", "mission-test.toml:3"]);
+    refused_with(&beyond, &["joint 4 is off the table at the start", "mission-test.toml:3"]);
     let thirsty = CAPTURE
         .replace("gas_g = 60", "gas_g = 0.5")
         .replace("\"meet\", standoff_m = 0.1", "\"goto\", x_m = 0.5, relative = true");

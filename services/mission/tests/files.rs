@@ -183,3 +183,34 @@ fn a_start_beyond_a_stop_is_refused() {
     );
     refused(Mission::parse_for(&text, &four_link_plant()), 3, &["joint 2"]);
 }
+
+#[test]
+fn the_missions_that_stop_and_capture_fit_the_laboratory_and_draw_their_starts_from_the_seed() {
+    let plant = Plant::default_laboratory().unwrap();
+    let detumble = Mission::parse_for(&shipped("detumble.toml"), &plant).unwrap();
+    let capture = Mission::parse_for(&shipped("capture.toml"), &plant).unwrap();
+    assert!(detumble.target.is_none() && capture.target.is_some() && capture.aborts.len() == 1);
+    for seed in 0..200 {
+        let [vehicle, nothing] = detumble.drawn(seed);
+        assert!((4.0..=15.0).contains(&vehicle.velocity[2].abs().to_degrees()), "seed {seed}: {vehicle:?}");
+        assert!(vehicle.velocity[0].hypot(vehicle.velocity[1]) <= 0.005 + 1e-12, "seed {seed}");
+        assert_eq!(nothing, Default::default(), "there is no target to draw");
+        assert_eq!(capture.drawn(seed), capture.drawn(seed));
+    }
+    let spins = |seed: u64| detumble.drawn(seed)[0].velocity[2] > 0.0;
+    assert!((0..20).any(spins) && !(0..20).all(spins), "to either side");
+}
+
+#[test]
+fn what_cannot_be_waited_for_or_flown_is_refused_where_it_stands() {
+    let phase = |keys: &str, base: &str| {
+        let text = format!("name = \"test\"\n[[phase]]\nduration_s = 10\n{keys}\nbase = {base}\narm = {HOLD}\n");
+        Mission::parse_for(&text, &four_link_plant())
+    };
+    refused(phase("until = { condition = \"grasped\" }", FREE), 4, &["missing field `timeout_s`"]);
+    refused(phase("timeout_s = 20", FREE), 4, &["`timeout_s` contradicts"]);
+    refused(phase("until = { condition = \"still\" }\ntimeout_s = 20", FREE), 4, &["missing field `speed_m_s`"]);
+    refused(phase("on_abort = \"home\"", FREE), 4, &["no [[abort]] phase named 'home'"]);
+    refused(phase("", "{ goal = \"meet\", standoff_m = 0.1 }"), 2, &["no target"]);
+    refused(phase("", "{ goal = \"meet\" }"), 5, &["missing field `standoff_m`"]);
+}

@@ -182,3 +182,53 @@ fn a_mission_survives_a_gap_that_mends_itself() {
     flight.sample.1.as_mut().unwrap().alive[0] = 1;
     assert_eq!(flight.fly(1.5).state, MissionState::RUNNING);
 }
+
+const UNTIL_STILL: &str = r#"
+[[phase]]
+duration_s = 2
+until = { condition = "still", speed_m_s = 0.01, omega_deg_s = 1, for_s = 1 }
+timeout_s = 6
+on_abort = "way out"
+base = { goal = "stop" }
+arm = { goal = "hold" }
+[[phase]]
+duration_s = 3
+base = { goal = "free" }
+arm = { goal = "hold" }
+[[abort]]
+name = "way out"
+duration_s = 2
+gripper = "open"
+base = { goal = "hold" }
+arm = { goal = "hold" }
+"#;
+
+#[test]
+fn a_phase_ends_when_its_condition_has_held_for_long_enough() {
+    let mut flight = Flight::of(UNTIL_STILL);
+    flight.nav().omega_rad_s = 0.5;
+    while flight.fly(0.05).state == MissionState::WAITING {}
+    let state = flight.fly(2.0);
+    assert_eq!((state.phase, state.base_mode), (0, MissionState::BASE_STOP), "it still turns");
+    flight.nav().omega_rad_s = 0.0;
+    assert_eq!(flight.fly(0.9).phase, 0, "not for long enough");
+    flight.nav().omega_rad_s = 0.5;
+    flight.fly(0.1);
+    flight.nav().omega_rad_s = 0.0;
+    assert_eq!(flight.fly(0.9).phase, 0, "it was not still in between");
+    assert_eq!(flight.fly(0.3).phase, 1);
+    assert_eq!(flight.fly(4.0).state, MissionState::DONE);
+}
+
+#[test]
+fn a_condition_that_does_not_come_leads_to_the_way_out_and_ends_aborted() {
+    let mut flight = Flight::of(UNTIL_STILL);
+    flight.nav().omega_rad_s = 0.5;
+    while flight.fly(0.05).state == MissionState::WAITING {}
+    assert_eq!(flight.fly(5.8).phase, 0, "too hasty");
+    let state = flight.fly(0.4);
+    assert_eq!((state.state, state.phase, state.phase_count), (MissionState::RUNNING, 2, 2), "on its way out");
+    assert_eq!(state.base_mode, MissionState::BASE_HOLD);
+    let state = flight.fly(2.2);
+    assert_eq!((state.state, state.base_mode), (MissionState::ABORTED, MissionState::BASE_FREE));
+}

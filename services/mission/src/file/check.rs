@@ -18,7 +18,7 @@ type Checked<T> = Result<T, Fault>;
 /// The plant for which the mission shall be, where it is known.
 type For<'a> = Option<&'a Plant>;
 
-pub(super) fn mission(raw: raw::Mission, plant: For) -> Checked<Mission> {
+pub(super) fn mission(raw: &raw::Mission, plant: For) -> Checked<Mission> {
     if raw.name.get_ref().trim().is_empty() {
         return Err(Fault::new(raw.name.span(), "the mission has no name", "give it one, such as name = \"hold\""));
     }
@@ -41,7 +41,7 @@ pub(super) fn mission(raw: raw::Mission, plant: For) -> Checked<Mission> {
         name: raw.name.get_ref().clone(),
         description: raw.description.clone(),
     };
-    flight::check(&mission, &raw, plant)?;
+    flight::check(&mission, raw, plant)?;
     Ok(mission)
 }
 

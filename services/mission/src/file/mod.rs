@@ -265,7 +265,7 @@ impl Mission {
     fn read(text: &str, plant: Option<&Plant>) -> Result<Self, MissionError> {
         toml::from_str::<raw::Mission>(text)
             .map_err(|error| Fault::from_toml(&error))
-            .and_then(|raw| check::mission(raw, plant))
+            .and_then(|raw| check::mission(&raw, plant))
             .map_err(|fault| fault.in_text(text))
     }
 

@@ -30,19 +30,21 @@ pub(super) fn until(phase: &raw::Phase, duration_s: f64) -> Checked<Option<Until
         return Err(Fault::new(timeout.span(), format!("a phase cannot time out after {timeout_s} s"), help));
     }
     let raw = spanned.get_ref();
-    let for_s = raw.for_s.as_ref().map_or(Ok(0.0), |for_s| positive(for_s))?;
+    let for_s = raw.for_s.as_ref().map_or(Ok(0.0), positive)?;
     let condition = condition(raw)?;
     Ok(Some(Until { condition, for_s, timeout_s }))
 }
 
 fn condition(raw: &raw::Until) -> Checked<Condition> {
     let tells = |name: &'static str, value: &Option<raw::Number>| (name, value.as_ref().map(Spanned::span));
-    let needs = |name: &str, value: &Option<raw::Number>| match value {
-        Some(value) => positive(value),
-        None => {
-            let message = format!("missing field `{name}`");
-            Err(Fault::new(raw.condition.span(), message, "say how near is near enough"))
-        }
+    let needs = |name: &str, value: &Option<raw::Number>| {
+        value.as_ref().map_or_else(
+            || {
+                let message = format!("missing field `{name}`");
+                Err(Fault::new(raw.condition.span(), message, "say how near is near enough"))
+            },
+            positive,
+        )
     };
     let (distance, speed, omega) = (
         tells("distance_m", &raw.distance_m),
