@@ -1,7 +1,7 @@
 //! Mission files: those that come with fss fit its plant, and a bad one is refused with the line and what to do.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_mission::{ArmGoal, BaseGoal, Mission, MissionError, Pulse, Sine};
+use fss_mission::{ArmGoal, BaseGoal, Draw, Mission, MissionError, Pulse, Sine};
 use fss_plant::Plant;
 use std::path::Path;
 
@@ -194,7 +194,7 @@ fn the_missions_that_stop_and_capture_fit_the_laboratory_and_draw_their_starts_f
         let [vehicle, nothing] = detumble.drawn(seed);
         assert!((4.0..=15.0).contains(&vehicle.velocity[2].abs().to_degrees()), "seed {seed}: {vehicle:?}");
         assert!(vehicle.velocity[0].hypot(vehicle.velocity[1]) <= 0.005 + 1e-12, "seed {seed}");
-        assert_eq!(nothing, Default::default(), "there is no target to draw");
+        assert_eq!(nothing, Draw::default(), "there is no target to draw");
         assert_eq!(capture.drawn(seed), capture.drawn(seed));
     }
     let spins = |seed: u64| detumble.drawn(seed)[0].velocity[2] > 0.0;
