@@ -65,8 +65,18 @@ impl Model {
     /// Twist of a floating base, `[vx, vy, omega]`, that joint rates (rad/s) and a momentum `[Px, Py, L about the base
     /// origin]` imply: `H_b^-1 (momentum - H_bm rates)`. Zero for a clamped base.
     pub fn base_twist(&self, q: &Coordinates, joint_rates: &JointVector, momentum: &Vector3<f64>) -> Vector3<f64> {
-        let (inverse, coupling) = self.coupling(q);
-        inverse * (momentum - coupling * joint_rates)
+        if self.base().clamped {
+            return Vector3::zeros();
+        }
+        // What the base must carry moves base and arm as one body: its centre of mass first, the turn about that next.
+        let mut state = State::at_rest(*q);
+        state.v.fixed_rows_mut::<MAX_LINKS>(3).copy_from(joint_rates);
+        let whole = self.whole(&state);
+        let linear = momentum.xy() - whole.momentum.xy();
+        let angular = momentum.z - whole.momentum[2] - cross(&whole.center, &linear);
+        let turn = angular / whole.inertia;
+        let drift = linear * self.lumps.per_mass - turn * perp(&whole.center);
+        Vector3::new(drift.x, drift.y, turn)
     }
 
     /// Generalized Jacobian, 3 x n: twist `[vx, vy, omega]` of the end-effector per joint rate when the momentum is

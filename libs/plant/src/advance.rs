@@ -66,14 +66,7 @@ impl Dynamics {
 
     /// Linear momentum and angular momentum about the table's origin.
     fn momentum(&self, motion: &Motion) -> Vector3<f64> {
-        // `H v` is the force that gives accelerations `v` at rest, without gravity: far cheaper than `H`.
-        let at_rest = State::at_rest(motion.state.q);
-        let [gx, gy] = self.model.gravity_m_s2();
-        let mut v = motion.state.v;
-        v[0] += gx;
-        v[1] += gy;
-        let p = self.model.inverse_dynamics(&at_rest, &v);
-        about_origin(&motion.state.q, &Vector3::new(p[0], p[1], p[2]))
+        about_origin(&motion.state.q, &self.model.momentum(&motion.state).about_base())
     }
 
     /// Changes the base's velocity so that the momentum is `wanted`.
@@ -84,13 +77,10 @@ impl Dynamics {
         let (x, y) = (motion.state.q[0], motion.state.q[1]);
         let missing = wanted - self.momentum(motion);
         let about_base = Vector3::new(missing.x, missing.y, missing.z - x * missing.y + y * missing.x);
-        // The same in reverse: velocities per momentum are accelerations per force.
-        let at_rest = State::at_rest(motion.state.q);
-        let change = self.model.prescribed_dynamics(&at_rest, &JointVector::zeros(), &about_base);
-        let [gx, gy] = self.model.gravity_m_s2();
-        motion.state.v[0] += change[0] - gx;
-        motion.state.v[1] += change[1] - gy;
-        motion.state.v[2] += change[2];
+        let change = self.model.base_twist(&motion.state.q, &JointVector::zeros(), &about_base);
+        for i in 0..3 {
+            motion.state.v[i] += change[i];
+        }
     }
 
     /// Force and torque from outside, about the table's origin: `outside` and gravity.

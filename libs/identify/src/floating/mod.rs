@@ -11,6 +11,7 @@ use arm::{Arm, ArmMotion};
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{BaseSample, Effect, Place, Plant, Rollout, Stream, ValveHistory};
 use layout::Window;
+use std::f64::consts::{PI, TAU};
 
 /// Step of the simulation, s; joints are sampled at half of it.
 pub(crate) const STEP_S: f64 = 0.02;
@@ -191,5 +192,7 @@ impl FloatingFlight<'_> {
 /// A pose less another, the angle within half a turn.
 fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     let turn = a[2] - b[2];
-    [a[0] - b[0], a[1] - b[1], turn.sin().atan2(turn.cos())]
+    // Nearly always within half a turn already: a floor is dear in the innermost loop.
+    let turn = if turn.abs() <= PI { turn } else { turn - TAU * (turn / TAU).round() };
+    [a[0] - b[0], a[1] - b[1], turn]
 }
