@@ -108,7 +108,8 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
                 }
                 let start = old.map(|c| &c.unknowns);
                 let of = |x: &[Vec<f64>]| flight.residuals(w, x);
-                let mut fresh = Cell::fit(r, w, span, start.unwrap_or(&span.guess), rounds, &of);
+                let start = start.unwrap_or(&span.guess);
+                let mut fresh = Cell::fit((r, w), span, start, rounds, records[r].is_chaotic(), &of);
                 if let (Some(cell), Some(old)) = (&mut fresh, old) {
                     cell.weigh(old.weights.clone());
                 }
@@ -123,12 +124,15 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
 
 impl Cell {
     /// Fits a window's own unknowns by Gauss-Newton with differences; `None` where they are not determined.
+    ///
+    /// A floating base answers its initial state nearly linearly, and the guess is near: one Jacobian serves all rounds.
+    /// Chaotic motion needs a fresh one each.
     fn fit(
-        record: usize,
-        window: usize,
+        (record, window): (usize, usize),
         span: &Span,
         guess: &[f64],
         rounds: usize,
+        is_chaotic: bool,
         residuals: &Residuals,
     ) -> Option<Self> {
         let n = guess.len();
@@ -136,8 +140,13 @@ impl Cell {
         let mut cell: Option<Self> = None;
         let mut last = f64::INFINITY;
         let mut change = DVector::zeros(n);
+        let mut jacobian = None;
         for _ in 0..rounds {
-            let (jacobian, residual) = linearized(span, &unknowns, residuals);
+            let (known, residual) = match jacobian.take().filter(|_| !is_chaotic) {
+                Some(known) => (known, whitened(span, &unknowns, &residuals(std::slice::from_ref(&unknowns))[0])),
+                None => linearized(span, &unknowns, residuals),
+            };
+            let jacobian = jacobian.insert(known);
             let now = residual.norm_squared();
             if !now.is_finite() {
                 return None;
@@ -149,7 +158,7 @@ impl Cell {
                 continue;
             }
             last = now;
-            let (absorbed, step) = least_squares(&jacobian, &residual)?;
+            let (absorbed, step) = least_squares(jacobian, &residual)?;
             let left = &residual - &absorbed * (absorbed.transpose() * &residual);
             let converged = now - left.norm_squared() < 1e-3 * now + 1e-3;
             cell = Some(Self {
@@ -185,43 +194,35 @@ impl Cell {
 
     /// Whitens rows and takes off what the window's own unknowns absorb.
     pub(crate) fn project(&self, span: &Span, rows: &[f64]) -> DVector<f64> {
-        let white = span.whiten(rows);
-        let prior = self.absorbed.nrows() - white.len();
-        let mut all = DVector::zeros(white.len() + prior);
-        all.rows_mut(0, white.len()).copy_from_slice(&white);
-        for i in 0..prior {
-            all[white.len() + i] = -self.unknowns[self.unknowns.len() - prior + i];
-        }
+        let all = whitened(span, &self.unknowns, rows);
         let absorbed = self.absorbed.tr_mul(&all);
         (all - &self.absorbed * absorbed).component_mul(&self.weights)
     }
 }
 
-/// Whitened rows, those of the priors below them, and their negative derivatives by the window's own unknowns.
+/// Whitened rows, and those of the priors below them: each such unknown, standard normal.
+fn whitened(span: &Span, unknowns: &[f64], rows: &[f64]) -> DVector<f64> {
+    let mut white = span.whiten(rows);
+    white.extend(unknowns[unknowns.len() - span.prior_count..].iter().map(|u| -u));
+    DVector::from_vec(white)
+}
+
+/// Whitened rows with those of the priors, and their negative derivatives by the window's own unknowns.
 fn linearized(span: &Span, unknowns: &[f64], residuals: &Residuals) -> (DMatrix<f64>, DVector<f64>) {
     let n = unknowns.len();
-    let free = n - span.prior_count;
     let mut points = vec![unknowns.to_vec()];
     for i in 0..n {
         let mut moved = unknowns.to_vec();
         moved[i] += span.steps[i];
         points.push(moved);
     }
-    let rows: Vec<Vec<f64>> = residuals(&points).iter().map(|rows| span.whiten(rows)).collect();
-    let m = rows[0].len();
-    // Priors are rows too: each such unknown, standard normal.
-    let mut jacobian = DMatrix::zeros(m + span.prior_count, n);
-    let mut residual = DVector::zeros(m + span.prior_count);
-    residual.rows_mut(0, m).copy_from_slice(&rows[0]);
+    let rows: Vec<DVector<f64>> =
+        points.iter().zip(residuals(&points)).map(|(point, rows)| whitened(span, point, &rows)).collect();
+    let mut jacobian = DMatrix::zeros(rows[0].len(), n);
     for i in 0..n {
-        for k in 0..m {
-            jacobian[(k, i)] = (rows[0][k] - rows[i + 1][k]) / span.steps[i];
-        }
-        if i >= free {
-            jacobian[(m + i - free, i)] = 1.0;
-            residual[m + i - free] = -unknowns[i];
-        }
+        jacobian.set_column(i, &((&rows[0] - &rows[i + 1]) / span.steps[i]));
     }
+    let residual = rows.into_iter().next().unwrap_or_default();
     (jacobian, residual)
 }
 

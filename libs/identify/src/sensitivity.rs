@@ -129,7 +129,7 @@ fn largest_rms(column: &Column) -> f64 {
 /// Normal equations of each cell.
 pub(crate) fn normals(cells: &[Cell], columns: &[DMatrix<f64>]) -> Vec<Normal> {
     let of = |(cell, j): (&Cell, &DMatrix<f64>)| Normal {
-        g: j.tr_mul(j),
+        g: j.transpose() * j,
         b: j.tr_mul(&cell.residual),
         c: cell.residual.norm_squared(),
         freedom: cell.freedom,

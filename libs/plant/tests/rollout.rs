@@ -55,7 +55,7 @@ fn difference(effects: &[Effect]) -> (f64, f64) {
 fn the_base_alone_goes_as_in_the_full_simulation() {
     // Joint friction has corners in the joint rates, which the steps do not resolve.
     let (position, angle) = difference(&[]);
-    assert!(position < 2e-6 && angle < 1e-5, "{position} m, {angle} rad");
+    assert!(position < 3e-6 && angle < 1e-5, "{position} m, {angle} rad");
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn effects_act_alike_in_both() {
         effect("base_com", &[("x_m", 0.02), ("y_m", -0.01)]),
     ];
     let (position, angle) = difference(&effects);
-    assert!(position < 2e-6 && angle < 1e-5, "{position} m, {angle} rad");
+    assert!(position < 3e-6 && angle < 1e-5, "{position} m, {angle} rad");
 }
 
 #[test]

@@ -16,6 +16,8 @@ use std::ops::Range;
 
 /// A window with fewer poses cannot hold an initial state of six numbers and say anything.
 pub(super) const FEWEST_POSES: usize = 12;
+/// Poses within this of a window's start tell its first guess, s.
+const GUESS_S: f64 = 0.25;
 /// Length of a bin of base and gyro, s.
 const BIN_S: f64 = 0.05;
 /// Between the knots of the room's force, s.
@@ -153,19 +155,25 @@ impl Window {
         Span { from_s: self.from_s, to_s: self.to_s, guess, steps, prior_count: knots, rows, whitening }
     }
 
-    /// A first guess of the state at the start of the grid: from the poses around it, or, where the run begins later, from
-    /// the first ones.
+    /// A first guess of the state at the start of the grid: a straight line through the poses around it, or, where the run
+    /// begins later, through the first ones.
     fn first_guess(run: &Run, grid_s: f64) -> Vec<f64> {
         let Some(poses) = &run.base_pose else { return vec![0.0; 6] };
-        let near = poses.t_s.partition_point(|t| *t < grid_s);
-        let last = poses.t_s.len() - 1;
-        let (from, to) = (near.saturating_sub(3), (near + 3).max(6).min(last));
-        let dt = poses.t_s[to] - poses.t_s[from];
-        let rate = |i: usize| if dt > 0.0 { (poses.values[to][i] - poses.values[from][i]) / dt } else { 0.0 };
-        let velocity = [rate(0), rate(1), rate(2)];
-        let ahead = grid_s - 0.5 * (poses.t_s[to] + poses.t_s[from]);
-        let pose = |i: usize| 0.5 * (poses.values[from][i] + poses.values[to][i]) + ahead * velocity[i];
-        vec![pose(0), pose(1), pose(2), velocity[0], velocity[1], velocity[2]]
+        let until = |t_s: f64| poses.t_s.partition_point(|t| *t < t_s);
+        let last = poses.t_s.len();
+        let from = until(grid_s - GUESS_S).min(last.saturating_sub(6));
+        let near = from..until(grid_s + GUESS_S).max(from + 6).min(last);
+        let count = near.len() as f64;
+        let mean_s = poses.t_s[near.clone()].iter().sum::<f64>() / count;
+        let spread: f64 = poses.t_s[near.clone()].iter().map(|t| (t - mean_s).powi(2)).sum();
+        let line = |i: usize| {
+            let mean = near.clone().map(|k| poses.values[k][i]).sum::<f64>() / count;
+            let slope =
+                near.clone().map(|k| (poses.t_s[k] - mean_s) * poses.values[k][i]).sum::<f64>() / spread.max(1e-9);
+            (mean + slope * (grid_s - mean_s), slope)
+        };
+        let [x, y, angle] = [line(0), line(1), line(2)];
+        vec![x.0, y.0, angle.0, x.1, y.1, angle.1]
     }
 }
 
