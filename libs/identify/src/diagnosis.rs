@@ -1,6 +1,7 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
 use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
+use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
 use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
@@ -95,6 +96,8 @@ pub struct Ranked {
 pub struct Diagnosis {
     /// What there was to say of the records, before anything was concluded from them.
     pub remarks: Vec<String>,
+    /// Runs that were left out, because their commands are not those of their motion.
+    pub input_mismatch: Vec<Mismatch>,
     /// What it comes to.
     pub verdict: Verdict,
     /// What is asserted, strongest first.
@@ -151,7 +154,21 @@ pub fn diagnose(
         contest.set_unit(unit);
         selection = contest.select(MOST_CAUSES, progress)?;
     }
-    let (verdict, mut causes, suspects) = judge(&contest, &selection);
+    let (mut verdict, mut causes, mut suspects) = judge(&contest, &selection);
+    let mut input_mismatch = Vec::new();
+    if matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
+        progress("looking whether commands belong to their motion");
+        input_mismatch = mismatches(&contest.trial_with(&selection.after.effects), runs, windows)?;
+        let rest: Vec<Run> =
+            runs.iter().filter(|run| input_mismatch.iter().all(|m| m.run != run.name)).cloned().collect();
+        if !input_mismatch.is_empty() && !rest.is_empty() {
+            return Ok(without(diagnose(plant, &rest, validation, progress)?, remarks, input_mismatch));
+        }
+        if !input_mismatch.is_empty() {
+            verdict = Verdict::Unexplained;
+            suspects.append(&mut causes);
+        }
+    }
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     progress("measuring the gain");
     let asserted: Vec<Effect> = causes.iter().map(|c| c.effect.clone()).collect();
@@ -187,6 +204,7 @@ pub fn diagnose(
         contest.uncertain.iter().zip(selection.after.nuisance.iter()).map(|(u, z)| (u.name.clone(), *z)).collect();
     Ok(Diagnosis {
         remarks,
+        input_mismatch,
         verdict,
         causes,
         suspects,
@@ -203,9 +221,18 @@ pub fn diagnose(
     })
 }
 
+/// The diagnosis of the other runs, where some were left out: not everything is explained then.
+fn without(mut rest: Diagnosis, remarks: Vec<String>, left_out: Vec<Mismatch>) -> Diagnosis {
+    rest.remarks = remarks;
+    rest.input_mismatch.extend(left_out);
+    rest.verdict = if rest.causes.is_empty() { Verdict::Unexplained } else { Verdict::PartlyExplained };
+    rest
+}
+
 fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
     Diagnosis {
         remarks,
+        input_mismatch: Vec::new(),
         verdict: Verdict::Consistent,
         causes: Vec::new(),
         suspects: Vec::new(),

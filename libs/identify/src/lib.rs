@@ -6,6 +6,7 @@
 //! - [`workspace`]: reach and manipulability.
 //! - [`straight_path`]: how far the end-effector gets along straight lines.
 //! - [`diagnosis`]: the whole answer.
+//! - [`inputs`]: whether the commands of a run belong to its motion.
 //! - [`misfit`]: the plant simulated in windows with a free initial state, and its error over what noise alone would give.
 
 pub mod calibrate;
@@ -15,6 +16,7 @@ pub mod diagnosis;
 mod evidence;
 mod floating;
 mod hypothesis;
+pub mod inputs;
 mod integrity;
 pub mod measured;
 pub mod misfit;

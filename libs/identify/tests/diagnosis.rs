@@ -102,3 +102,29 @@ fn waves_of_the_table_that_no_effect_describes_are_called_unexplained() {
     let found = diagnose(&plant(), &flights(Truth { waves_n: 0.02, ..Truth::default() }), &[], &|_| ()).unwrap();
     assert!(matches!(found.verdict, Verdict::Unexplained | Verdict::PartlyExplained), "{:?}", found.causes);
 }
+
+#[test]
+fn commands_of_another_run_are_told_from_weak_thrusters() {
+    let mut runs = flights(Truth::default());
+    let borrowed = runs[2].valves.clone();
+    runs[1].valves = borrowed;
+    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    assert!(found.causes.is_empty(), "{:?}", found.causes);
+    let [mismatch] = &found.input_mismatch[..] else { panic!("{:?}", found.input_mismatch) };
+    assert_eq!(mismatch.run, "run-1");
+    assert_eq!(found.verdict, Verdict::Unexplained);
+}
+
+#[test]
+fn commands_by_a_clock_that_is_off_are_told_and_by_how_much() {
+    let mut runs = flights(Truth::default());
+    for run in &mut runs {
+        run.valves.iter_mut().for_each(|(t_s, _)| *t_s -= 1.4);
+    }
+    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    assert!(found.causes.iter().all(|c| c.effect.id() == "clock_offset"), "{:?}", found.causes);
+    for mismatch in &found.input_mismatch {
+        assert!(mismatch.why.contains("1.40 s later"), "{mismatch:?}");
+    }
+    assert!(found.causes.len() + found.input_mismatch.len() > 0, "{:?}", found.verdict);
+}

@@ -16,10 +16,19 @@ pub struct Answer {
     /// What was left out of the records, and what is not as the plant file says of them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<String>,
+    /// Runs that were left out, because their commands are not those of their motion.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    input_mismatch: Vec<Mismatch>,
     /// Fits that came nearest where nothing is asserted.
     suspects: Vec<CauseAnswer>,
     #[serde(skip_serializing_if = "Option::is_none")]
     unexplained: Option<Unexplained>,
+}
+
+#[derive(Serialize)]
+struct Mismatch {
+    run: String,
+    why: String,
 }
 
 #[derive(Serialize)]
@@ -107,6 +116,11 @@ impl Answer {
             extended_model: extended.to_owned(),
             suspects: diagnosis.suspects.iter().map(cause).collect(),
             remarks: diagnosis.remarks.clone(),
+            input_mismatch: diagnosis
+                .input_mismatch
+                .iter()
+                .map(|m| Mismatch { run: m.run.clone(), why: m.why.clone() })
+                .collect(),
             unexplained: diagnosis.unexplained.as_ref().map(|u| Unexplained {
                 mean_square: u.mean_square,
                 channel: u.worst.as_ref().map(|w| w.0.clone()),

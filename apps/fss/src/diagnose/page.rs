@@ -23,8 +23,9 @@ pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
          details{margin:1em 0}summary{cursor:pointer;color:#2b6ca3}</style><h1>Diagnosis</h1>",
     );
     let _ = write!(html, "<p class=\"verdict\">{}</p>", escape(summary::headline(diagnosis)));
-    for remark in &diagnosis.remarks {
-        let _ = write!(html, "<p>{}</p>", escape(remark));
+    let mismatches = diagnosis.input_mismatch.iter().map(ToString::to_string);
+    for remark in diagnosis.remarks.iter().cloned().chain(mismatches) {
+        let _ = write!(html, "<p>{}</p>", escape(&remark));
     }
     causes(&mut html, diagnosis);
     gain(&mut html, diagnosis);

@@ -10,6 +10,7 @@ pub const FAR: f64 = 1.3;
 /// Prints it.
 pub fn print(diagnosis: &Diagnosis) {
     diagnosis.remarks.iter().for_each(|remark| println!("{remark}"));
+    diagnosis.input_mismatch.iter().for_each(|mismatch| println!("{mismatch}"));
     table(diagnosis);
     println!("\n{}", headline(diagnosis));
     for cause in &diagnosis.causes {
