@@ -18,6 +18,9 @@ const ROUNDS: usize = 8;
 /// The same, from where another trial left them.
 const ROUNDS_AGAIN: usize = 2;
 
+/// A step that leaves less than this share of the sum of squares was long enough to linearize anew.
+const MUCH_BETTER: f64 = 0.5;
+
 /// Residual rows of a window for each of several values of its own unknowns.
 type Residuals<'a> = dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>> + 'a;
 
@@ -125,8 +128,8 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
 impl Cell {
     /// Fits a window's own unknowns by Gauss-Newton with differences; `None` where they are not determined.
     ///
-    /// A floating base answers its initial state nearly linearly, and the guess is near: one Jacobian serves all rounds.
-    /// Chaotic motion needs a fresh one each.
+    /// A floating base answers its initial state nearly linearly: a Jacobian serves until a step has changed much. Chaotic
+    /// motion needs a fresh one each round.
     fn fit(
         (record, window): (usize, usize),
         span: &Span,
@@ -142,10 +145,10 @@ impl Cell {
         let mut change = DVector::zeros(n);
         let mut jacobian = None;
         for _ in 0..rounds {
-            let (known, residual) = match jacobian.take().filter(|_| !is_chaotic) {
-                Some(known) => (known, whitened(span, &unknowns, &residuals(std::slice::from_ref(&unknowns))[0])),
-                None => linearized(span, &unknowns, residuals),
-            };
+            let here = || whitened(span, &unknowns, &residuals(std::slice::from_ref(&unknowns))[0]);
+            let is_near = |residual: &DVector<f64>| !is_chaotic && residual.norm_squared() > MUCH_BETTER * last;
+            let near = jacobian.take().map(|jacobian| (jacobian, here())).filter(|(_, residual)| is_near(residual));
+            let (known, residual) = near.unwrap_or_else(|| linearized(span, &unknowns, residuals));
             let jacobian = jacobian.insert(known);
             let now = residual.norm_squared();
             if !now.is_finite() {

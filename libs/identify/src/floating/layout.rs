@@ -162,7 +162,7 @@ impl Window {
         let until = |t_s: f64| poses.t_s.partition_point(|t| *t < t_s);
         let last = poses.t_s.len();
         let from = until(grid_s - GUESS_S).min(last.saturating_sub(6));
-        let near = from..until(grid_s + GUESS_S).max(from + 6).min(last);
+        let near = from..until(grid_s.max(poses.t_s[0]) + GUESS_S).max(from + 6).min(last);
         let count = near.len() as f64;
         let mean_s = poses.t_s[near.clone()].iter().sum::<f64>() / count;
         let spread: f64 = poses.t_s[near.clone()].iter().map(|t| (t - mean_s).powi(2)).sum();

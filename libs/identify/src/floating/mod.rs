@@ -12,6 +12,7 @@ use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{BaseSample, Effect, Place, Plant, Rollout, Stream, ValveHistory};
 use layout::Window;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// Step of the simulation, s; joints are sampled at half of it.
 pub(crate) const STEP_S: f64 = 0.02;
@@ -23,6 +24,9 @@ pub(crate) struct Floating {
     run: Run,
     valves: ValveHistory,
     arm: Arm,
+    /// How the arm moves under the effects that the record was made with, and those of them that move it.
+    motion: Arc<ArmMotion>,
+    arm_effects: Vec<Effect>,
     start_s: f64,
     channels: Vec<String>,
     windows: Vec<Window>,
@@ -41,13 +45,20 @@ impl Floating {
         let halves = (2.0 * (last_s - start_s) / STEP_S).ceil() as usize + 4;
         let grid_s: Vec<f64> = (0..halves).map(|k| start_s + 0.5 * STEP_S * k as f64).collect();
         let arm = Arm::new(&trial.plant, &rollout, run, grid_s);
-        let motion = arm.motion(&trial.plant, &rollout, run);
+        let motion = Arc::new(arm.motion(&trial.plant, &rollout, run));
         let channels = layout::channels(trial.plant.link_count());
         let windows = layout::windows(&trial.plant, run, window_s, start_s);
         let spans = windows.iter().map(|w| w.span(&trial.plant, &rollout, run, &motion, start_s)).collect();
         let valves = ValveHistory::new(run.valves.clone());
-        Ok(Some(Self { run: run.clone(), valves, arm, start_s, channels, windows, spans }))
+        let (run, arm_effects) = (run.clone(), arm_effects(&trial.effects));
+        Ok(Some(Self { run, valves, arm, motion, arm_effects, start_s, channels, windows, spans }))
     }
+}
+
+/// Those effects that may change how the arm moves, or what its encoders tell of it.
+fn arm_effects(effects: &[Effect]) -> Vec<Effect> {
+    let is_elsewhere = |e: &&Effect| matches!(e.about().place, Place::Base | Place::Mass | Place::Thruster);
+    effects.iter().filter(|e| !is_elsewhere(e)).cloned().collect()
 }
 
 impl Record for Floating {
@@ -80,7 +91,11 @@ impl Record for Floating {
 
     fn flight<'a>(&'a self, trial: &Trial) -> Result<Box<dyn Flight + 'a>, ModelError> {
         let rollout = trial.rollout()?;
-        let motion = self.arm.motion(&trial.plant, &rollout, &self.run);
+        let motion = if arm_effects(&trial.effects) == self.arm_effects {
+            Arc::clone(&self.motion)
+        } else {
+            Arc::new(self.arm.motion(&trial.plant, &rollout, &self.run))
+        };
         Ok(Box::new(FloatingFlight { record: self, plant: trial.plant.clone(), rollout, motion }))
     }
 }
@@ -89,7 +104,7 @@ struct FloatingFlight<'a> {
     record: &'a Floating,
     plant: Plant,
     rollout: Rollout,
-    motion: ArmMotion,
+    motion: Arc<ArmMotion>,
 }
 
 impl Flight for FloatingFlight<'_> {
