@@ -2,7 +2,7 @@
 //! long services are missing.
 
 use fss_bus::{Batch, Bus, InputPort, SharedConfig, realtime};
-use fss_messages::{Health, MAX_THRUSTERS, ThrustersCommand, TruthState, text_of, topic};
+use fss_messages::{Health, MAX_THRUSTERS, MissionState, ThrustersCommand, TruthState, text_of, topic};
 use miette::{IntoDiagnostic, Result};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -39,6 +39,9 @@ pub struct Witness {
     commands: Batch<ThrustersCommand>,
     truth: Batch<TruthState>,
     health: Batch<Health>,
+    mission: Batch<MissionState>,
+    /// When the mission ended, ns: its stack stops then, and nobody is missed.
+    ended_ns: Option<u64>,
     /// Commands that the truth has not come to yet.
     pending: VecDeque<ThrustersCommand>,
     commanded_ns: [u64; MAX_THRUSTERS],
@@ -62,6 +65,8 @@ impl Witness {
             commands: Batch::open(&bus, topic::THRUSTERS_COMMAND).into_diagnostic()?,
             truth: Batch::open(&bus, topic::TRUTH_STATE).into_diagnostic()?,
             health: Batch::open(&bus, topic::HEALTH).into_diagnostic()?,
+            mission: Batch::open(&bus, topic::MISSION_STATE).into_diagnostic()?,
+            ended_ns: None,
             pending: VecDeque::new(),
             commanded_ns: [0; MAX_THRUSTERS],
             alive_ns: BTreeMap::new(),
@@ -79,6 +84,11 @@ impl Witness {
         self.truth.refresh();
         self.commands.refresh();
         self.health.refresh();
+        self.mission.refresh();
+        let has_ended = |m: &&MissionState| m.state == MissionState::DONE || m.state == MissionState::ABORTED;
+        let ended_ns = self.mission.samples().iter().find(has_ended).map(|m| m.stamp_ns);
+        self.ended_ns = self.ended_ns.or(ended_ns);
+        let until_ns = self.ended_ns.unwrap_or(u64::MAX);
         self.pending.extend(self.commands.samples());
         for truth in self.truth.samples() {
             // In the order of their times, however late this looks: no later command excuses an open valve.
@@ -98,7 +108,7 @@ impl Witness {
             let before = self.alive_ns.insert(service.clone(), health.stamp_ns).unwrap_or(health.stamp_ns);
             let since = before.max(self.struck_ns.get(&service).copied().unwrap_or(0));
             let longest = self.seen.silent_ns.entry(service.clone()).or_default();
-            *longest = health.stamp_ns.saturating_sub(since).max(*longest);
+            *longest = health.stamp_ns.min(until_ns).saturating_sub(since).max(*longest);
             let counts = (health.cycles, health.overruns);
             let last = self.seen.counts.insert((service.clone(), health.starts), counts).unwrap_or_default();
             let count = health.overruns.saturating_sub(last.1);
@@ -109,7 +119,7 @@ impl Witness {
         for (service, alive_ns) in &self.alive_ns {
             let since = self.struck_ns.get(service).copied().unwrap_or(0).max(*alive_ns);
             if let Some(longest) = self.seen.silent_ns.get_mut(service) {
-                *longest = now.age_ns(since).max(*longest);
+                *longest = now.ns().min(until_ns).saturating_sub(since).max(*longest);
             }
         }
         Ok(())

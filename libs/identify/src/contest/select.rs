@@ -231,28 +231,8 @@ impl Contest {
             return None;
         }
         let least = if self.unit > 1.0 { LEAST_CLEARNESS_IF_DOUBTFUL } else { LEAST_CLEARNESS };
-        let spread = self.spread(after);
-        let mut at = 0;
-        let mut worst: Option<(usize, f64)> = None;
-        for (i, (h, effect)) in after.hypotheses.iter().zip(&after.effects).enumerate() {
-            let hypothesis = &self.hypotheses[*h];
-            if hypothesis.is_discrete {
-                continue;
-            }
-            let (values, nominal) = (effect.values(), hypothesis.nominal.values());
-            // The first parameter of an effect with a shape is its strength; the others are sizes themselves.
-            let counted = if hypothesis.has_shape { 1 } else { values.len() };
-            let away = |k: usize| {
-                let off = if hypothesis.is_compliance() { 1.0 / values[k] } else { values[k] - nominal[k] };
-                off.abs() / spread[at + k].max(1e-300)
-            };
-            let clearest = (0..counted).map(away).fold(0.0, f64::max);
-            if clearest < least && worst.is_none_or(|(_, w)| clearest < w) {
-                worst = Some((i, clearest));
-            }
-            at += values.len();
-        }
-        worst.map(|(i, _)| i)
+        let clearness = self.clearness(after).into_iter().enumerate();
+        clearness.filter(|(_, clear)| *clear < least).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
 
     /// The rivals of each cause taken.

@@ -4,16 +4,24 @@ use super::select::{Alternative, Taken, unit};
 use super::{Contest, Refined};
 use crate::normal::Normal;
 use fss_multibody::ModelError;
+use fss_plant::Effect;
 use nalgebra::DVector;
 use std::collections::BTreeSet;
 
 /// Correlation of residuals that no model has: differences of sums of squares count for so many times less.
 const TEMPER: f64 = 4.0;
+/// Nobody is surer than this.
+const SUREST: f64 = 0.99;
+/// Standard deviations away from nothing at which a cause is there or not with even chances, and over which doubt falls to
+/// a third. In blind games (`fss challenge`) what was named and not there stood 3 to 5 away, what was there 6 and more.
+const EVEN_CHANCE: f64 = 3.0;
+const DOUBT_FALLS: f64 = 2.5;
 
 impl Contest {
     /// Each taken cause with its standard deviations, its rivals and its probability among them.
     pub(super) fn weigh(&self, after: &Refined, rivals: &[Vec<Refined>]) -> Result<Vec<Taken>, ModelError> {
         let spread = self.spread(after);
+        let clearness = self.clearness(after);
         let mut taken = Vec::new();
         let mut at = 0;
         for (i, (h, effect)) in after.hypotheses.iter().zip(&after.effects).enumerate() {
@@ -39,7 +47,7 @@ impl Contest {
             taken.push(Taken {
                 effect: effect.clone(),
                 std,
-                probability: (1.0 / total).min(0.995),
+                probability: (is_there(clearness[i]) / total).min(SUREST),
                 gain: (without.chi2 - after.chi2) / unit(after),
                 kept: self.kept(after, i),
                 alternatives,
@@ -47,6 +55,29 @@ impl Contest {
         }
         taken.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Ok(taken)
+    }
+
+    /// How many of its standard deviations each cause is away from nothing, in its clearest parameter.
+    pub(super) fn clearness(&self, after: &Refined) -> Vec<f64> {
+        let spread = self.spread(after);
+        let mut at = 0;
+        let of = |(h, effect): (&usize, &Effect)| {
+            let hypothesis = &self.hypotheses[*h];
+            if hypothesis.is_discrete {
+                return f64::INFINITY;
+            }
+            let (values, nominal) = (effect.values(), hypothesis.nominal.values());
+            // The first parameter of an effect with a shape is its strength; the others are sizes themselves.
+            let counted = if hypothesis.has_shape { 1 } else { values.len() };
+            let away = |k: usize| {
+                let off = if hypothesis.is_compliance() { 1.0 / values[k] } else { values[k] - nominal[k] };
+                off.abs() / spread[at + k].max(1e-300)
+            };
+            let clearest = (0..counted).map(away).fold(0.0, f64::max);
+            at += values.len();
+            clearest
+        };
+        after.hypotheses.iter().zip(&after.effects).map(of).collect()
     }
 
     /// Standard deviations of all parameters: the larger of what white rows and of what the scatter of the cells' own
@@ -115,4 +146,9 @@ impl Contest {
         }
         if whole > 0.0 { kept / whole } else { 0.0 }
     }
+}
+
+/// Probability that something is there which stands so many standard deviations away from nothing.
+fn is_there(clearness: f64) -> f64 {
+    1.0 - 0.5 * (-(clearness - EVEN_CHANCE) / DOUBT_FALLS).exp().min(2.0)
 }
