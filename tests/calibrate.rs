@@ -168,3 +168,47 @@ fn only_a_mission_that_asks_for_it_starts_the_calibration() {
     std::fs::write(path("odd.toml"), format!("services = [\"lunch\"]\n{hold}")).unwrap();
     refused(&["run", &path("odd.toml"), "--fast"], &["odd.toml:1", "asks for the service 'lunch'"]);
 }
+
+/// Logs of flights: joints ripple with their commands, links keep clocks of their own, air moves in the room.
+#[test]
+fn intervals_from_flown_excitations_hold_the_laboratorys_truth_with_joint_offsets_unknown() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let laboratory = std::fs::read_to_string(plant())
+        .unwrap()
+        .replace("joint_offset_rad = 0.101246550", "joint_offset_rad = 0.08")
+        .replace("joint_offset_rad = -0.059376101", "joint_offset_rad = -0.04")
+        .replace("joint_offset_rad = -0.024277530", "joint_offset_rad = -0.03");
+    std::fs::write(path("laboratory.toml"), laboratory).unwrap();
+    let mut truth = vec![("link[1..3].length_m".to_owned(), 0.3825), ("link[4].length_m".to_owned(), 0.3351)];
+    truth.extend([("base.joint1_x_m".to_owned(), 0.2058), ("base.joint1_y_m".to_owned(), 0.0155)]);
+    truth.extend([("base.joint1_angle_rad".to_owned(), 0.317_841_91), ("base.inertia_kg_m2".to_owned(), 0.25)]);
+    truth.extend((2..).zip([0.08, -0.04, -0.03]).map(|(i, q)| (format!("link[{i}].joint_offset_rad"), q)));
+    truth.extend((1..).zip([0.191, 0.191, 0.191, 0.168]).map(|(i, b)| (format!("link[{i}].com_to_next_joint_m"), b)));
+    truth.extend((1..=4).map(|i| (format!("link[{i}].inertia_kg_m2"), 0.034)));
+    let (mut inside, mut all, mut squares, mut of_lengths) = (0, 0, 0.0, 0.0);
+    let flights = 12;
+    for seed in 0..flights {
+        let (run, laboratory, seed) = (path(&format!("{seed}")), path("laboratory.toml"), format!("{}", 100 + seed));
+        let fly = ["run", "experiment-excitation", "--fast", "--quiet", "--laboratory", &laboratory, "--seed", &seed];
+        succeed(&[&fly[..], &["--out", &run]].concat());
+        let (out, answer) = (path("out.toml"), path("answer.json"));
+        succeed(&["calibrate", "dynamic", &run, "--plant", &plant(), "--out", &out, "--json", &answer]);
+        let answer = json(Path::new(&answer));
+        for (name, truth) in &truth {
+            let p = &answer["parameters"][name];
+            if p.is_null() {
+                continue; // so much air moved in this flight that it was not determined, and got no number
+            }
+            let interval: Vec<f64> = serde_json::from_value(p["interval_95"].clone()).unwrap();
+            let off = (p["value"].as_f64().unwrap() - truth) / p["std"].as_f64().unwrap();
+            inside += usize::from((interval[0]..=interval[1]).contains(truth));
+            all += 1;
+            squares += off * off;
+            of_lengths += if name.ends_with("length_m") { off * off / 2.0 / f64::from(flights) } else { 0.0 };
+        }
+    }
+    let (coverage, rms) = (inside as f64 / all as f64, (squares / all as f64).sqrt());
+    println!("coverage {coverage:.3} of {all}, errors {rms:.2} deviations RMS, of lengths {:.2}", of_lengths.sqrt());
+    assert!(all >= 170 && (0.9..0.99).contains(&coverage) && of_lengths.sqrt() < 1.35);
+}

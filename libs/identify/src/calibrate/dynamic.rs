@@ -16,7 +16,7 @@ mod torque;
 
 use super::drift::{Drifting, Interval, START, Whitener, likeliest_walks};
 use super::kinematic::{self, PLAUSIBLE_DELAY_S};
-use super::{CalibrationError, Estimate, Row, Unknown, solve};
+use super::{CalibrationError, Estimate, Estimated, Row, Unknown, solve};
 use crate::measured::Run;
 use fss_multibody::{Model, Parameter};
 use nalgebra::Matrix3;
@@ -60,6 +60,8 @@ const PLAUSIBLE_MASS_KG: f64 = 1.0;
 const PLAUSIBLE_ACCELERATION: f64 = 0.01;
 /// Joints that move by less are at rest, rad.
 const AT_REST_RAD: f64 = 0.02;
+/// A torque sensor's scale so many deviations from one belongs to torques that do not explain the motion.
+const DISAGREEMENT: f64 = 4.0;
 /// The nuisance's strength and the telemetry's delay are sought anew at most this often.
 const ROUNDS: usize = 4;
 
@@ -113,6 +115,16 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -
         stretches = stretch::all(runs, n, delay_s);
     }
     let estimate = best.ok_or(CalibrationError::Diverged)?;
+    if let Some(why) = problem.torques_disagree(&estimate) {
+        let mut without = calibrate(
+            model,
+            runs,
+            [noise.position_m, noise.angle_rad, noise.encoder_rad],
+            Choice { torque: false, ..choice },
+        )?;
+        without.remarks.push(why);
+        return Ok(without);
+    }
     remarks.extend(estimate.undetermined.is_empty().then(|| "all parameters are seen".to_owned()));
     Ok(Dynamic { estimate, remarks, used_s: stretches.iter().map(Stretch::duration_s).sum() })
 }
@@ -229,6 +241,20 @@ impl<'a> Problem<'a> {
     fn model_at(&self, values: &[f64]) -> Option<Model> {
         let changes = self.parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(|p| (*p, *v)));
         self.model.with_parameters(changes).ok()
+    }
+
+    /// Says so where the torques cannot be those of the motion. A report is a torque at an instant; where the drive corrects
+    /// between its reports, that is not the torque that moved the arm, and no noise of the residuals tells by how much.
+    fn torques_disagree(&self, estimate: &Estimate) -> Option<String> {
+        let scale = |p: &&Estimated| p.name.ends_with("torque_sensor_scale");
+        let off = |p: &&Estimated| (p.value - 1.0).abs() / p.std;
+        let worst = estimate.parameters.iter().filter(scale).max_by(|a, b| off(a).total_cmp(&off(b)))?;
+        (off(&worst) > DISAGREEMENT).then(|| {
+            format!(
+                "torque sensors are left out: for the motion, {} would have to be {:.2} with a deviation of {:.2}; either the sensor is off, or the drive corrects faster than it reports",
+                worst.name, worst.value, worst.std
+            )
+        })
     }
 
     /// Scale and bias of a torque sensor.

@@ -10,8 +10,9 @@ const TELEMETRY_GAP_S: f64 = 0.5;
 const AT_A_REPORT_S: f64 = 1e-6;
 /// The longest gap of motion capture that is bridged, s: ten samples a second still count.
 const GAP_S: f64 = 0.11;
-/// Motion capture this long before and after a time tells the pose at that time, s: reports 0.2 s apart share no sample.
-const HALF_WINDOW_S: f64 = 0.095;
+/// Motion capture this long before and after a time tells the pose at that time, s. Joints that are commanded five times a
+/// second ripple as often: over a whole period the pose would be that of the mean motion, and the angle that of the instant.
+const HALF_WINDOW_S: f64 = 0.045;
 
 /// Angles and rates of all joints, rad and rad/s.
 pub(super) type JointMotion = (Vec<f64>, Vec<f64>);
