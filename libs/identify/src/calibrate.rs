@@ -10,7 +10,7 @@
 //!
 //! What is wrong with one telemetry report is wrong with all samples between it and its neighbours. The autocorrelation of
 //! the residuals tells by how much: `n` samples then count as `n / (1 + 2 sum of autocorrelations)`, the sum ended where
-//! pairs of neighbouring lags are no more than chance (after Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992).
+//! pairs of neighbouring lags are no more than chance. Where the residuals of blocks of time say more, they count (`sandwich.rs`) (after Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992).
 
 pub mod attitude;
 mod drift;
@@ -18,6 +18,7 @@ pub mod dynamic;
 pub mod kinematic;
 mod motion;
 pub mod plan;
+mod sandwich;
 mod words;
 pub mod write;
 
@@ -365,6 +366,9 @@ impl<'a> Fit<'a> {
             let seen = (0..n).filter(|k| linear.is_seen(*k));
             seen.map(|k| (linear.right[(k, j)] / linear.singular[k]).powi(2)).sum::<f64>()
         };
+        let weighted: Vec<f64> = (0..self.rows.len()).map(|i| linear.residual[i] * self.weight(i)).collect();
+        let by_blocks = sandwich::variances(&linear, self.rows, &weighted);
+        let variance = |j: usize| by_blocks.as_ref().map_or(0.0, |v| v[j]).max(variance(j));
         let mut parameters = Vec::new();
         let mut unseen = Vec::new();
         for (j, unknown) in self.unknowns.iter().enumerate() {
