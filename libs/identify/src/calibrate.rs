@@ -10,7 +10,9 @@
 //!
 //! What is wrong with one telemetry report is wrong with all samples between it and its neighbours. The autocorrelation of
 //! the residuals tells by how much: `n` samples then count as `n / (1 + 2 sum of autocorrelations)`, the sum ended where
-//! pairs of neighbouring lags are no more than chance. Where the residuals of blocks of time say more, they count (`sandwich.rs`) (after Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992).
+//! pairs of neighbouring lags are no more than chance (after
+//! Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992). Where the residuals of blocks of time show more
+//! than that, they count (`sandwich.rs`).
 
 pub mod attitude;
 mod drift;

@@ -115,7 +115,7 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -
         stretches = stretch::all(runs, n, delay_s);
     }
     let estimate = best.ok_or(CalibrationError::Diverged)?;
-    if let Some(why) = problem.torques_disagree(&estimate) {
+    if let Some(why) = torques_disagree(&estimate) {
         let mut without = calibrate(
             model,
             runs,
@@ -144,6 +144,20 @@ fn refuse_impossible(model: &Model, runs: &[Run]) -> Result<(), CalibrationError
         return refuse("no run has telemetry of the joints");
     }
     Ok(())
+}
+
+/// Says so where the torques cannot be those of the motion. A report is a torque at an instant; where the drive corrects
+/// between its reports, that is not the torque that moved the arm, and no noise of the residuals tells by how much.
+fn torques_disagree(estimate: &Estimate) -> Option<String> {
+    let scale = |p: &&Estimated| p.name.ends_with("torque_sensor_scale");
+    let off = |p: &&Estimated| (p.value - 1.0).abs() / p.std;
+    let worst = estimate.parameters.iter().filter(scale).max_by(|a, b| off(a).total_cmp(&off(b)))?;
+    (off(&worst) > DISAGREEMENT).then(|| {
+        format!(
+            "torque sensors are left out: for the motion, {} would have to be {:.2} with a deviation of {:.2}; either the sensor is off, or the drive corrects faster than it reports",
+            worst.name, worst.value, worst.std
+        )
+    })
 }
 
 /// Joints, from 1, that stand still in all stretches.
@@ -241,20 +255,6 @@ impl<'a> Problem<'a> {
     fn model_at(&self, values: &[f64]) -> Option<Model> {
         let changes = self.parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(|p| (*p, *v)));
         self.model.with_parameters(changes).ok()
-    }
-
-    /// Says so where the torques cannot be those of the motion. A report is a torque at an instant; where the drive corrects
-    /// between its reports, that is not the torque that moved the arm, and no noise of the residuals tells by how much.
-    fn torques_disagree(&self, estimate: &Estimate) -> Option<String> {
-        let scale = |p: &&Estimated| p.name.ends_with("torque_sensor_scale");
-        let off = |p: &&Estimated| (p.value - 1.0).abs() / p.std;
-        let worst = estimate.parameters.iter().filter(scale).max_by(|a, b| off(a).total_cmp(&off(b)))?;
-        (off(&worst) > DISAGREEMENT).then(|| {
-            format!(
-                "torque sensors are left out: for the motion, {} would have to be {:.2} with a deviation of {:.2}; either the sensor is off, or the drive corrects faster than it reports",
-                worst.name, worst.value, worst.std
-            )
-        })
     }
 
     /// Scale and bias of a torque sensor.

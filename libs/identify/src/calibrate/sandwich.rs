@@ -21,7 +21,9 @@ const LEAST_LEFT: f64 = 0.1;
 /// residuals over their noise.
 pub(super) fn variances(linear: &Linear, rows: &[Row], weighted: &[f64]) -> Option<Vec<f64>> {
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
-    rows.iter().for_each(|row| *lengths.entry(row.series).or_default() += 1);
+    for row in rows {
+        *lengths.entry(row.series).or_default() += 1;
+    }
     if lengths.values().all(|length| *length < SHORTEST_SERIES) {
         return None;
     }
