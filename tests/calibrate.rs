@@ -95,7 +95,7 @@ fn a_plan_tells_its_deviations_beforehand_and_is_a_mission_that_can_be_checked()
     assert_eq!(std::fs::read_to_string(&mission).unwrap().matches("[[phase]]").count(), 6);
     succeed(&["run", &mission, "--fast", "--quiet", "--out", &path("run")]);
     let said = succeed(&["calibrate", "kinematic", &path("run"), "--plant", &plant(), "--out", &out]);
-    assert!(said.contains("6 observations of the end-effector, still poses"), "{said}");
+    assert!(said.contains("poses of the end-effector: 6 at rest"), "{said}");
     refused(&["calibrate", "plan", "--plant", &plant(), "--out", &mission, "--poses", "2"], &["3 are the fewest"]);
 }
 
@@ -131,7 +131,7 @@ fn a_flight_that_calibrates_finds_the_laboratorys_arm_and_leaves_a_plant_file_th
         let flight =
             ["run", "calibrate", "--fast", "--quiet", "--laboratory", &laboratory, "--seed", seed, "--out", &run];
         let said = succeed(&flight);
-        assert!(said.contains("13 observations of the end-effector, still poses"), "{said}");
+        assert!(said.contains("poses of the end-effector: 13 at rest"), "{said}");
         let calibration = &json(&folder.path().join(seed).join("summary.json"))["calibration"];
         for (name, truth, believed) in truth {
             let p = &calibration["parameters"][name];
@@ -210,5 +210,5 @@ fn intervals_from_flown_excitations_hold_the_laboratorys_truth_with_joint_offset
     }
     let (coverage, rms) = (inside as f64 / all as f64, (squares / all as f64).sqrt());
     println!("coverage {coverage:.3} of {all}, errors {rms:.2} deviations RMS, of lengths {:.2}", of_lengths.sqrt());
-    assert!(all >= 170 && (0.9..0.99).contains(&coverage) && of_lengths.sqrt() < 1.35);
+    assert!(all >= 170 && (0.91..0.99).contains(&coverage) && of_lengths.sqrt() < 1.35);
 }

@@ -15,7 +15,7 @@ pub use kinematic::{Calibrated, of_log};
 use miette::{IntoDiagnostic, Result, miette};
 use plan::PlanArgs;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Estimate parameters of the plant from measured runs.
 #[derive(Subcommand)]
@@ -39,19 +39,19 @@ struct Files {
 }
 
 impl Files {
-    /// Writes the calibrated plant file, unless nothing is in it, and the answer for a machine.
+    /// Writes the answer for a machine, and the calibrated plant file.
     fn write(&self, plant: &Plant, estimate: &Estimate, json: &Value) -> Result<()> {
         self.answer.write_json(json)?;
-        if estimate.parameters.is_empty() {
-            return Err(miette!("this data determines no parameter: {} is not written", self.answer.out.display()));
-        }
-        write(&self.answer.out, &calibrated(plant, estimate)?)
+        write_calibrated(&self.answer.out, plant, estimate)
     }
 }
 
-/// The text of the plant file with an estimate in it.
-fn calibrated(plant: &Plant, estimate: &Estimate) -> Result<String> {
-    plant_file::calibrated(plant, estimate).to_toml().into_diagnostic()
+/// Writes the plant file with an estimate in it, unless there is none.
+fn write_calibrated(path: &Path, plant: &Plant, estimate: &Estimate) -> Result<()> {
+    if estimate.parameters.is_empty() {
+        return Err(miette!("this data determines no parameter: {} is not written", path.display()));
+    }
+    write(path, &plant_file::calibrated(plant, estimate).to_toml().into_diagnostic()?)
 }
 
 /// Runs the command.

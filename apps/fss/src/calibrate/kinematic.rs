@@ -1,9 +1,9 @@
 //! `fss calibrate kinematic`, and the same at the end of a flight that collected postures.
 
 use super::answer::{self, Kind};
-use super::{Files, calibrated};
+use super::{Files, write_calibrated};
 use crate::diagnose::{log, runs};
-use crate::files::{read_plant, write};
+use crate::files::read_plant;
 use clap::Args;
 use fss_identify::calibrate::Estimate;
 use fss_identify::calibrate::kinematic::{self, Choice};
@@ -34,8 +34,8 @@ pub struct KinematicArgs {
 /// The kinematics as runs tell them.
 pub struct Calibrated {
     estimate: Estimate,
-    observations: usize,
-    moving: bool,
+    still: usize,
+    moving: usize,
 }
 
 impl Calibrated {
@@ -45,10 +45,9 @@ impl Calibrated {
             let of = |run| kinematic::observations(run, plant.link_count(), plant.base.clamped, moving);
             measured.iter().flat_map(of).collect()
         };
-        let still = observe(false);
-        let enough = 3 * still.len() >= kinematic::count_unknowns(&model, choice) + SPARE;
-        let moving = !enough && !still_only;
-        let observations = if moving { observe(true) } else { still };
+        let at_rest = observe(false);
+        let enough = 3 * at_rest.len() >= kinematic::count_unknowns(&model, choice) + SPARE;
+        let observations = if enough || still_only { at_rest } else { observe(true) };
         let noise = [plant.sensors.mocap_position_m.max(1e-5), plant.sensors.mocap_angle_rad.max(1e-5)];
         let estimate = kinematic::calibrate(&model, &observations, noise, choice).map_err(|e| {
             miette!(
@@ -56,13 +55,14 @@ impl Calibrated {
                 "{e}"
             )
         })?;
-        Ok(Self { estimate, observations: observations.len(), moving })
+        let still = observations.iter().filter(|o| o.is_still()).count();
+        Ok(Self { estimate, still, moving: observations.len() - still })
     }
 
     /// Tells a person.
     pub fn print(&self) {
-        let how = if self.moving { "in motion too" } else { "still poses" };
-        println!("{} observations of the end-effector, {how}", self.observations);
+        let moving = if self.moving > 0 { format!(" and {} in motion", self.moving) } else { String::new() };
+        println!("poses of the end-effector: {} at rest{moving}", self.still);
         answer::print(&self.estimate, &KINDS);
     }
 
@@ -73,7 +73,7 @@ impl Calibrated {
 
     /// Writes the plant file with the estimate in it.
     pub fn write(&self, plant: &Plant, path: &Path) -> Result<()> {
-        write(path, &calibrated(plant, &self.estimate)?)
+        write_calibrated(path, plant, &self.estimate)
     }
 }
 

@@ -17,7 +17,8 @@ pub struct Observation {
 }
 
 impl Observation {
-    fn is_still(&self) -> bool {
+    /// Whether the arm stood still.
+    pub fn is_still(&self) -> bool {
         self.qd_rad_s.iter().all(|rate| *rate == 0.0)
     }
 }
