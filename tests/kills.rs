@@ -30,6 +30,8 @@ const MISSING_NS: u64 = 1_000_000_000;
 const HEALTH_PERIOD_NS: u64 = 200_000_000;
 /// A stack takes so many before the next one flies.
 const KILLS_A_FLIGHT: u64 = 100;
+/// Turns of 4 s that a stack flies at most: what its tank lasts for.
+const PHASES: usize = 80;
 /// After so many there is a rest, in which shared memory must be as it was at first.
 const KILLS_A_ROUND: u64 = 25;
 const SERVICES: [&str; 7] = ["thrusters", "base", "fusion", "links", "arm", "recorder", "mission"];
@@ -45,7 +47,7 @@ impl Flight {
     fn start(first_port: u16) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut mission = "name = \"to and fro\"\ndescription = \"The base turns to and fro.\"\n".to_owned();
-        for k in 0..400 {
+        for k in 0..PHASES {
             let theta_deg = if k % 2 == 0 { 15 } else { -15 };
             let (base, arm) =
                 (format!("{{ goal = \"goto\", x_m = 0, y_m = 0, theta_deg = {theta_deg} }}"), "{ goal = \"hold\" }");

@@ -187,12 +187,14 @@ impl<'a> Flight<'a> {
         Ok(())
     }
 
-    /// From rest to rest: what it takes to get into motion, twice.
+    /// From rest to rest: what it takes to get into motion, twice; no more than the thrusters give in that time, of which
+    /// those that push against each other are never open together.
     fn use_gas_of_leg(&mut self, from: [f64; 3], to: [f64; 3], duration_s: f64) {
         let way = (to[0] - from[0]).hypot(to[1] - from[1]);
         let turn = (to[2] - from[2]).abs() * self.model.inertia_about_com(&self.q) / LEVER_M;
         let impulse = 2.0 * PEAK / duration_s * (self.model.total_mass_kg() * way + turn);
-        self.gas_kg += self.gas_of(impulse);
+        let thrust: f64 = (0..self.plant.thrusters.len()).map(|i| self.plant.thrust_n(i)).sum();
+        self.gas_kg += self.gas_of(impulse.min(0.5 * thrust * duration_s));
     }
 
     fn gas_of(&self, impulse_n_s: f64) -> f64 {
