@@ -31,7 +31,7 @@ const HEALTH_PERIOD_NS: u64 = 200_000_000;
 /// A stack takes so many before the next one flies.
 const KILLS_A_FLIGHT: u64 = 100;
 /// Turns of 4 s that a stack flies at most: what its tank lasts for.
-const PHASES: usize = 80;
+const PHASES: usize = 70;
 /// After so many there is a rest, in which shared memory must be as it was at first.
 const KILLS_A_ROUND: u64 = 25;
 const SERVICES: [&str; 7] = ["thrusters", "base", "fusion", "links", "arm", "recorder", "mission"];
