@@ -299,8 +299,8 @@ macro_rules! samples {
             };
         )*
 
-        /// Calls the visitor with each sample type, in the order of their definition.
-        pub fn visit_samples(visitor: &mut impl $crate::SampleVisitor) {
+        /// Calls the visitor with each sample type of this module, in the order of their definition.
+        pub(super) fn visit(visitor: &mut impl $crate::SampleVisitor) {
             $( visitor.visit::<$name>(); )*
         }
     };
