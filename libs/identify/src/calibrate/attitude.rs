@@ -5,7 +5,7 @@
 //! the inertia comes out to 48 percent of itself. [`super::dynamic`] uses the same runs better.
 
 use super::motion::{Tracks, pose_at};
-use super::{CalibrationError, Estimate, Row, Unknown, solve};
+use super::{CalibrationError, Estimate, Row, Unknown, first_guess, solve};
 use crate::measured::Run;
 use fss_multibody::{Coordinates, JointVector, Model, Parameter};
 
@@ -128,7 +128,7 @@ pub fn calibrate(
     }
     let unknowns: Vec<Unknown> = parts.iter().map(|(u, _)| u.clone()).collect();
     let rows: Vec<Row> = (0..maneuvers.len()).map(|k| Row { kind: 0, instant: k, series: k }).collect();
-    solve(&unknowns, &rows, &[noise_rad * 2_f64.sqrt()], |values| {
+    solve(&unknowns, &first_guess(&unknowns), &rows, &[noise_rad * 2_f64.sqrt()], |values| {
         let at = |inertia: f64| {
             let values = std::iter::once(inertia).chain(values.iter().skip(1).copied());
             let changes = parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(move |p| (*p, v)));

@@ -16,7 +16,7 @@ mod torque;
 
 use super::drift::{Drifting, Interval, START, Whitener, likeliest_walks};
 use super::kinematic::{self, PLAUSIBLE_DELAY_S};
-use super::{CalibrationError, Estimate, Estimated, Row, Unknown, solve};
+use super::{CalibrationError, Estimate, Estimated, Row, Unknown, first_guess, solve};
 use crate::measured::Run;
 use fss_multibody::{Model, Parameter};
 use nalgebra::Matrix3;
@@ -57,6 +57,8 @@ const PLAUSIBLE_COM_M: f64 = 0.05;
 const PLAUSIBLE_INERTIA: f64 = 0.05;
 const PLAUSIBLE_BASE_INERTIA: f64 = 0.2;
 const PLAUSIBLE_MASS_KG: f64 = 1.0;
+/// All masses together are off by at most this share.
+const PLAUSIBLE_MASS_SCALE: f64 = 0.15;
 const PLAUSIBLE_ACCELERATION: f64 = 0.01;
 /// Joints that move by less are at rest, rad.
 const AT_REST_RAD: f64 = 0.02;
@@ -71,9 +73,31 @@ const ROUNDS: usize = 4;
 /// # Errors
 /// [`CalibrationError`]: nothing to calibrate on, said in words, or an iteration that fails.
 pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -> Result<Dynamic, CalibrationError> {
-    let n = model.link_count();
     refuse_impossible(model, runs)?;
     let noise = Noise::of(runs, noise);
+    let fit = |choice| fit(model, runs, noise, choice);
+    if !choice.torque {
+        return fit(choice);
+    }
+    // Whether torques are those of the motion is asked with the masses as weighed: free masses would take up any scale.
+    let why = match fit(Choice { masses: false, ..choice }) {
+        Ok(found) => match torques_disagree(&found.estimate, choice.masses) {
+            None if choice.masses => return fit(choice),
+            None => return Ok(found),
+            Some(why) => why,
+        },
+        Err(CalibrationError::Diverged) => {
+            "torque sensors are left out: with them the iteration does not converge".into()
+        }
+        Err(other) => return Err(other),
+    };
+    let mut without = fit(Choice { torque: false, ..choice })?;
+    without.remarks.push(why);
+    Ok(without)
+}
+
+fn fit(model: &Model, runs: &[Run], noise: Noise, choice: Choice) -> Result<Dynamic, CalibrationError> {
+    let n = model.link_count();
     let mut delay_s = 0.0;
     let mut stretches = stretch::all(runs, n, delay_s);
     if stretches.is_empty() {
@@ -87,11 +111,11 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -
     }
     let problem = Problem::new(model, choice, &stretches);
     let mut remarks = problem.remarks(&resting, choice);
-    let mut unknowns = problem.unknowns();
+    let unknowns = problem.unknowns();
+    let mut values = first_guess(&unknowns);
     let mut walks = [0.0; 2];
     let mut best = None;
     for _ in 0..ROUNDS {
-        let values: Vec<f64> = unknowns.iter().map(|u| u.value).collect();
         let believed = problem.model_at(&values).ok_or(CalibrationError::Diverged)?;
         for stretch in &mut stretches {
             stretch.prepare(&believed, noise);
@@ -99,15 +123,13 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -
         let whiteners: Vec<Whitener> = stretches.iter().map(|s| s.whitener(&believed, walks)).collect();
         let rows = problem.rows(&stretches);
         let kinds = [1.0, 1.0, 1.0, 1.0, 0.02];
-        let estimate = solve(&unknowns, &rows, &kinds[..if problem.torque { 5 } else { 4 }], |values| {
+        let estimate = solve(&unknowns, &values, &rows, &kinds[..if problem.torque { 5 } else { 4 }], |values| {
             problem.residuals(&stretches, &whiteners, values, delay_s)
         })?;
-        for (unknown, value) in unknowns.iter_mut().zip(&estimate.values) {
-            unknown.value = *value;
-        }
+        values.clone_from(&estimate.values);
         let before = (walks, delay_s);
-        walks = problem.likeliest_walks(&stretches, &estimate.values, delay_s).ok_or(CalibrationError::Diverged)?;
-        delay_s = estimate.values[problem.delay];
+        walks = problem.likeliest_walks(&stretches, &values, delay_s).ok_or(CalibrationError::Diverged)?;
+        delay_s = values[problem.delay];
         best = Some(estimate);
         if before.0 == walks && (before.1 - delay_s).abs() < 1e-3 {
             break;
@@ -115,16 +137,6 @@ pub fn calibrate(model: &Model, runs: &[Run], noise: [f64; 3], choice: Choice) -
         stretches = stretch::all(runs, n, delay_s);
     }
     let estimate = best.ok_or(CalibrationError::Diverged)?;
-    if let Some(why) = torques_disagree(&estimate) {
-        let mut without = calibrate(
-            model,
-            runs,
-            [noise.position_m, noise.angle_rad, noise.encoder_rad],
-            Choice { torque: false, ..choice },
-        )?;
-        without.remarks.push(why);
-        return Ok(without);
-    }
     remarks.extend(estimate.undetermined.is_empty().then(|| "all parameters are seen".to_owned()));
     Ok(Dynamic { estimate, remarks, used_s: stretches.iter().map(Stretch::duration_s).sum() })
 }
@@ -148,10 +160,16 @@ fn refuse_impossible(model: &Model, runs: &[Run]) -> Result<(), CalibrationError
 
 /// Says so where the torques cannot be those of the motion. A report is a torque at an instant; where the drive corrects
 /// between its reports, that is not the torque that moved the arm, and no noise of the residuals tells by how much.
-fn torques_disagree(estimate: &Estimate) -> Option<String> {
-    let scale = |p: &&Estimated| p.name.ends_with("torque_sensor_scale");
-    let off = |p: &&Estimated| (p.value - 1.0).abs() / p.std;
-    let worst = estimate.parameters.iter().filter(scale).max_by(|a, b| off(a).total_cmp(&off(b)))?;
+///
+/// A sensor's scale is one; where the masses are not known, what all sensors share may be the masses', as far as is plausible.
+fn torques_disagree(estimate: &Estimate, masses_unknown: bool) -> Option<String> {
+    let scales = || estimate.parameters.iter().filter(|p| p.name.ends_with("torque_sensor_scale"));
+    let weights: f64 = scales().map(|p| p.std.powi(-2)).sum();
+    let shared = scales().map(|p| p.value * p.std.powi(-2)).sum::<f64>() / weights;
+    let most = if masses_unknown { PLAUSIBLE_MASS_SCALE } else { 0.0 };
+    let expected = 1.0 + (shared - 1.0).clamp(-most, most);
+    let off = |p: &&Estimated| (p.value - expected).abs() / p.std;
+    let worst = scales().max_by(|a, b| off(a).total_cmp(&off(b)))?;
     (off(&worst) > DISAGREEMENT).then(|| {
         format!(
             "torque sensors are left out: for the motion, {} would have to be {:.2} with a deviation of {:.2}; either the sensor is off, or the drive corrects faster than it reports",

@@ -1,7 +1,7 @@
 //! Kinematic calibration: link lengths, joint offsets and the first joint's pose (the paper's equations 1 to 5).
 
 use super::motion::{Tracks, pose_at, seen_from, wrapped};
-use super::{CalibrationError, Estimate, Row, Unknown, solve};
+use super::{CalibrationError, Estimate, Row, Unknown, first_guess, solve};
 use crate::measured::{Posture, Run};
 use fss_multibody::{Coordinates, Model, Parameter};
 
@@ -108,7 +108,7 @@ pub fn calibrate(
         })
         .collect();
     let kinds = [noise[0], noise[1], noise[0], noise[1]];
-    solve(&list, &rows, &kinds[..if moving { 4 } else { 2 }], |values| {
+    solve(&list, &first_guess(&list), &rows, &kinds[..if moving { 4 } else { 2 }], |values| {
         let changes = parts.iter().zip(values).flat_map(|((_, places), v)| places.iter().map(|p| (*p, *v)));
         let model = model.with_parameters(changes).ok()?;
         let delay_s = if moving { values[parts.len()] } else { 0.0 };

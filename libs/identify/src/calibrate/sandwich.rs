@@ -6,7 +6,8 @@
 //! whatever is shared within a block (Liang and Zeger, Biometrika 73, 1986). Residuals are smaller than errors; blocks are
 //! corrected for it as if errors were white (Bell and McCaffrey, Survey Methodology 28, 2002).
 
-use super::{Linear, Row, SHORTEST_SERIES};
+use super::Row;
+use super::least_squares::{Linear, SHORTEST_SERIES};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -17,7 +18,7 @@ const LEAST_BLOCKS: usize = 8;
 /// What a block may leave to the others, at least: one that has a direction for itself says nothing of its noise.
 const LEAST_LEFT: f64 = 0.1;
 
-/// Variances of all unknowns, in units of what is plausible; none where rows are no series, or too short. `weighted` are the
+/// Variances of all unknowns by the data's noise, in units of what is plausible; none where rows are no series, or too short. `weighted` are the
 /// residuals over their noise.
 pub(super) fn variances(linear: &Linear, rows: &[Row], weighted: &[f64]) -> Option<Vec<f64>> {
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
@@ -34,19 +35,18 @@ pub(super) fn variances(linear: &Linear, rows: &[Row], weighted: &[f64]) -> Opti
     if blocks.len() < LEAST_BLOCKS {
         return None;
     }
-    let seen: Vec<usize> = (0..linear.singular.len()).filter(|k| linear.is_seen(*k)).collect();
     let n = linear.right.ncols();
     let mut variances = vec![0.0; n];
     for members in blocks.values() {
-        let left = DMatrix::from_fn(members.len(), seen.len(), |r, c| linear.left[(members[r], seen[c])]);
+        let left = DMatrix::from_fn(members.len(), n, |r, c| linear.left[(members[r], c)]);
         let residual = DVector::from_fn(members.len(), |r, _| weighted[members[r]]);
         let eigen = (left.transpose() * &left).symmetric_eigen();
         let mut score = eigen.eigenvectors.transpose() * left.transpose() * residual;
         score.iter_mut().zip(&eigen.eigenvalues).for_each(|(s, share)| *s /= (1.0 - share).max(LEAST_LEFT).sqrt());
         let score = eigen.eigenvectors * score;
         for (j, variance) in variances.iter_mut().enumerate() {
-            let along = |(c, k): (usize, &usize)| linear.right[(*k, j)] / linear.singular[*k] * score[c];
-            *variance += seen.iter().enumerate().map(along).sum::<f64>().powi(2);
+            let along = |k: usize| linear.right[(k, j)] * linear.singular[k] * linear.variance(k) * score[k];
+            *variance += (0..n).map(along).sum::<f64>().powi(2);
         }
     }
     let count = blocks.len() as f64;
