@@ -148,6 +148,39 @@ fn ctrl_c_leaves_a_finished_log_and_no_process() {
     assert_eq!(left_behind(folder.path()), Vec::<String>::new());
 }
 
+/// An upgrade puts another file in the program's place, or takes it away, while a vehicle flies.
+#[test]
+fn a_service_comes_back_though_the_programs_file_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let launch = launch_file(folder.path(), 52_130);
+    let (program, out) = (folder.path().join("upgraded"), folder.path().join("out"));
+    std::fs::copy(env!("CARGO_BIN_EXE_fss"), &program).unwrap();
+    let mut run = Command::new(&program)
+        .args(["run", "hold", "--quiet", "--launch", launch.to_str().unwrap(), "--out", out.to_str().unwrap()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let arm = || processes_in(folder.path()).into_iter().find(|(_, command)| command.contains("service arm"));
+    let begun = Instant::now();
+    let one_that_is_not = |other: u32| loop {
+        match arm() {
+            Some((id, _)) if id != other => return id,
+            _ => std::thread::sleep(Duration::from_millis(50)),
+        }
+        assert!(begun.elapsed() < Duration::from_secs(50), "the arm's service is missing");
+    };
+    let first = one_that_is_not(0);
+    std::thread::sleep(Duration::from_secs(2));
+    std::fs::remove_file(&program).unwrap();
+    assert!(Command::new("kill").args(["-KILL", &first.to_string()]).status().unwrap().success());
+    one_that_is_not(first);
+    assert!(run.try_wait().unwrap().is_none(), "the flight has ended");
+    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    let output = run.wait_with_output().unwrap();
+    assert_eq!(left_behind(folder.path()), Vec::<String>::new(), "{}", text(&output.stderr));
+}
+
 #[test]
 fn a_dead_laboratory_ends_the_run_with_its_name() {
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,9 @@ use fss_plant::Plant;
 use miette::{Diagnostic, IntoDiagnostic, NamedSource, Report, Result, SourceSpan, WrapErr};
 use serde::Serialize;
 use std::ops::Range;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A file that could not be read or that says something wrong; printed with the line in question.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -96,4 +98,12 @@ pub fn write(path: &Path, text: &str) -> Result<()> {
 /// Writes a file.
 pub fn write_silently(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
+}
+
+/// This very program, to be started as another process. It is found even after an upgrade has put another file in its place:
+/// one flight flies one build.
+pub fn this_program() -> Command {
+    let mut command = Command::new("/proc/self/exe");
+    command.arg0("fss");
+    command
 }

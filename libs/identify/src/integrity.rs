@@ -49,6 +49,9 @@ pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
             }
         }
     }
+    if plant.link_count() > 0 {
+        out.remarks.extend([true, false].into_iter().filter_map(|commanded| without_telemetry(&out.runs, commanded)));
+    }
     let sensors = &mut out.plant.sensors;
     let mut noise = |name: &str, stated: &mut f64, seen: Option<f64>| {
         if let Some(seen) = seen.filter(|seen| *seen > NOISIER * *stated) {
@@ -66,6 +69,18 @@ pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
     let gyro = out.runs.iter().filter_map(|run| run.gyro.as_ref());
     noise("gyro (rad/s)", &mut sensors.gyro_rad_s, quietest(gyro.filter_map(|gyro| noise_of(&gyro.values))));
     out
+}
+
+/// What runs without telemetry of the arm are taken for.
+fn without_telemetry(runs: &[Run], commanded: bool) -> Option<String> {
+    let which = runs.iter().filter(|run| run.joints.is_none() && run.joint_command.is_some() == commanded);
+    let names: Vec<&str> = which.map(|run| run.name.as_str()).collect();
+    let how = if commanded {
+        "it is taken to stand where it was told to, and times in which it is told to move are left out"
+    } else {
+        "nor a command for it: it is taken to rest at zero"
+    };
+    (!names.is_empty()).then(|| format!("no telemetry of the arm in {}: {how}", names.join(", ")))
 }
 
 /// Where a body was not seen some systems say that it is at the origin.

@@ -5,11 +5,11 @@
 
 use super::hidden::Record;
 use crate::diagnose::read::{Cause, read};
+use crate::files::this_program;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// A cause that the diagnosis asserts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -66,8 +66,7 @@ pub fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usi
     let (validation, fitted) = logs.split_last().ok_or_else(|| miette!("there is no log to diagnose"))?;
     let out = folder.join("diagnosis");
     let json = folder.join("diagnosis.json");
-    let program = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program's file")?;
-    let mut command = Command::new(program);
+    let mut command = this_program();
     command.arg("diagnose").args(fitted).arg("--validate").arg(validation);
     command.arg("--plant").arg(plant).arg("--out").arg(&out).arg("--json").arg(&json);
     if let Some(threads) = threads {

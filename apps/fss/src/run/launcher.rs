@@ -3,6 +3,7 @@
 use super::limits::LimitWatch;
 use super::notify::{self, Systemd};
 use super::stack::Stack;
+use crate::files::this_program;
 use fss_bus::launch::Schedule;
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
@@ -12,7 +13,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -189,11 +190,23 @@ impl<'a> Supervisor<'a> {
             }
             let member = &mut self.members[i];
             if member.restart_at.is_some_and(|at| Instant::now() >= at) {
-                member.start(self.site)?;
-                self.flown.restarts += 1;
+                self.restart(i);
             }
         }
         Ok(())
+    }
+
+    /// A computer without room for one process more may have it again soon: that alone ends no flight.
+    fn restart(&mut self, i: usize) {
+        let member = &mut self.members[i];
+        match member.start(self.site) {
+            Ok(()) => self.flown.restarts += 1,
+            Err(why) => {
+                member.restart_at = Some(Instant::now() + member.pause);
+                member.pause = (2 * member.pause).min(LONGEST_PAUSE);
+                self.say(Event::ERROR, format_args!("{why:#}"));
+            }
+        }
     }
 
     /// Takes the signs of life; a service that gives none for too long is killed, and thereby restarted.
@@ -325,8 +338,7 @@ impl Member {
         self.started = Instant::now();
         self.restart_at = None;
         self.heard = None;
-        let program = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program's own file")?;
-        let mut command = Command::new(program);
+        let mut command = this_program();
         if name == "lab" {
             command.arg("lab").arg("--seed").arg(site.seed.to_string());
         } else {

@@ -71,7 +71,7 @@ pub(super) fn windows(plant: &Plant, run: &Run, window_s: f64, start_s: f64) -> 
         let from_s = first_s + i as f64 * length_s;
         let to_s = if i + 1 == count as usize { last_s + 1e-6 } else { from_s + length_s };
         let range = within(Some(&poses.t_s), from_s, to_s);
-        if range.len() < FEWEST_POSES {
+        if range.len() < FEWEST_POSES || (plant.link_count() > 0 && !run.arm_is_known(from_s, to_s)) {
             continue;
         }
         let first_step = ((from_s - MARGIN_S - start_s) / STEP_S + 1e-6).floor() as usize;
