@@ -131,6 +131,22 @@ fn a_tilt_is_named_without_gyro_from_few_frames_of_which_some_are_empty() {
     assert!(diagnosis["remarks"].to_string().contains("10 frames without a body"), "{}", diagnosis["remarks"]);
 }
 
+/// A drive follows its command to hundredths of a radian, which the base notices: an arm that moves unseen tells nothing.
+#[test]
+fn a_weak_thruster_is_named_though_the_arm_is_not_measured() {
+    let case = tempfile::tempdir().unwrap();
+    copy(&data("dev-thruster"), case.path());
+    for run in ["run-4-thrusters", "run-5-mixed"] {
+        std::fs::remove_file(case.path().join(run).join("joints.csv")).unwrap();
+    }
+    let diagnosis = diagnose(case.path());
+    let cause = &diagnosis["causes"][0];
+    assert_eq!((diagnosis["causes"].as_array().unwrap().len(), &cause["effect"]), (1, &Value::from("thruster_gain")));
+    assert_eq!(cause["index"], 3);
+    assert_within(&cause["parameters"]["scale"]["value"], 0.72, 0.05);
+    assert!(diagnosis["remarks"].to_string().contains("no telemetry of the arm in run-4-thrusters, run-5-mixed"));
+}
+
 /// Every case beside the repository whose truth is known: the right names and no more, or an honest "unexplained".
 #[test]
 fn measured_cases_are_named_right() {
