@@ -6,12 +6,14 @@ mod calibrate;
 mod challenge;
 mod compare;
 mod diagnose;
+mod drawing;
 mod files;
 mod generate;
 mod host;
 mod log;
 mod next_experiment;
 mod replay;
+mod report;
 mod run;
 mod top;
 mod workspace;
@@ -66,6 +68,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Compute each service again from the inputs that a log holds, and compare bit for bit.
     Replay(replay::ReplayArgs),
+    /// Write one self-contained page about a flight, for a paper's appendix.
+    Report(report::ReportArgs),
 }
 
 fn main() -> miette::Result<ExitCode> {
@@ -88,6 +92,7 @@ fn main() -> miette::Result<ExitCode> {
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
+        Command::Report(args) => report::run(&args),
         Command::Compare(args) => return Ok(compare::run(&args)),
         Command::Replay(args) => return Ok(replay::run(&args)),
     }?;

@@ -2,7 +2,6 @@
 
 mod contours;
 mod figures;
-mod plot;
 
 use crate::files::TextFile;
 use clap::Args;

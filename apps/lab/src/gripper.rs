@@ -8,9 +8,9 @@ use fss_plant::{Simulation, Target};
 use std::f64::consts::PI;
 
 /// The handle must be as near as this (m),
-const REACH_M: f64 = 0.003;
+pub const GRIPPER_REACH_M: f64 = 0.003;
 /// pass the gripper no faster than this (m/s),
-const SPEED_M_S: f64 = 0.01;
+pub const GRIPPER_SPEED_M_S: f64 = 0.01;
 /// and face it within this angle (rad).
 const ANGLE_RAD: f64 = 0.35;
 
@@ -69,14 +69,14 @@ impl Gripper {
         let (sin, cos) = theta.sin_cos();
         let arm = [self.radius_m * cos, self.radius_m * sin];
         let miss_m = (truth.ee_pose[0] - x - arm[0]).hypot(truth.ee_pose[1] - y - arm[1]);
-        if miss_m > REACH_M {
+        if miss_m > GRIPPER_REACH_M {
             return None;
         }
         let facing = truth.ee_pose[2] - theta - PI;
         let tip = truth.ee_velocity;
         let speed_m_s = (tip[0] - vx + omega * arm[1]).hypot(tip[1] - vy - omega * arm[0]);
         let faces = (facing - 2.0 * PI * (facing / (2.0 * PI)).round()).abs() <= ANGLE_RAD;
-        (faces && speed_m_s <= SPEED_M_S).then_some((miss_m, speed_m_s))
+        (faces && speed_m_s <= GRIPPER_SPEED_M_S).then_some((miss_m, speed_m_s))
     }
 
     /// Momentum of everything that floats: kg m/s, kg m/s and kg m2/s about the table's middle.

@@ -21,4 +21,5 @@ pub use config::{Fault, FaultKind, LabConfig, Start};
 pub use devices::link::COMMAND_TIMEOUT_NS;
 pub use error::LabError;
 pub use faults::{Faults, Networks};
+pub use gripper::{GRIPPER_REACH_M, GRIPPER_SPEED_M_S};
 pub use laboratory::{DeviceOutputs, Laboratory, STEP_NS, Traffic};

@@ -1,6 +1,8 @@
 //! The report as one self-contained page: verdict, causes, gain, where, what was considered, residuals before and after.
 
 use super::summary;
+use crate::drawing::page::{self, escape};
+use crate::drawing::strips::{Line, Strips};
 use fss_identify::diagnosis::Diagnosis;
 use fss_identify::measured::Run;
 use fss_identify::misfit::ChannelMisfit;
@@ -8,20 +10,10 @@ use std::fmt::Write;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 130.0;
-/// The most points that a plot draws; more are thinned to their extremes.
-const POINTS: usize = 500;
 
 /// The page.
 pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
-    let mut html = String::from(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>fss diagnose</title><style>\
-         body{font:15px/1.45 system-ui,sans-serif;max-width:980px;margin:2em auto;padding:0 1em;color:#222}\
-         table{border-collapse:collapse;font-size:13px}td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid #ddd}\
-         td:first-child,th:first-child{text-align:left}.far{background:#fbd9d3}.near{background:#e4f3e1}\
-         h2{margin-top:2em}h3{margin:1.4em 0 .2em;font-size:1em}svg{display:block}\
-         .verdict{font-size:1.25em;border-left:5px solid #2b6ca3;padding:.4em 1em;background:#f2f7fb}\
-         details{margin:1em 0}summary{cursor:pointer;color:#2b6ca3}</style><h1>Diagnosis</h1>",
-    );
+    let mut html = page::head("fss diagnose", "Diagnosis");
     let _ = write!(html, "<p class=\"verdict\">{}</p>", escape(summary::headline(diagnosis)));
     let mismatches = diagnosis.input_mismatch.iter().map(ToString::to_string);
     for remark in diagnosis.remarks.iter().cloned().chain(mismatches) {
@@ -50,7 +42,7 @@ pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
     ] {
         residuals(&mut html, before, after, kind);
     }
-    html.push_str("</html>\n");
+    html.push_str(page::FOOT);
     html
 }
 
@@ -231,10 +223,6 @@ fn residuals(html: &mut String, before: &[ChannelMisfit], after: &[ChannelMisfit
     }
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
-}
-
 fn table(html: &mut String, fitted: &[ChannelMisfit], validation: &[ChannelMisfit]) {
     let mut channels: Vec<&str> = Vec::new();
     let mut runs: Vec<(&str, &str)> = Vec::new();
@@ -273,51 +261,10 @@ fn table(html: &mut String, fitted: &[ChannelMisfit], validation: &[ChannelMisfi
 /// Residuals over time before and after, with a band of two standard deviations of the noise.
 fn plot(html: &mut String, before: &ChannelMisfit, after: &ChannelMisfit) {
     let (Some(first), Some(last)) = (before.residuals.first(), before.residuals.last()) else { return };
-    let span_s = (last.0 - first.0).max(1e-9);
-    let top = before.residuals.iter().map(|r| r.1.abs()).fold(3.0 * before.noise, f64::max).max(1e-12);
-    let x = |t: f64| 60.0 + (WIDTH - 70.0) * (t - first.0) / span_s;
-    let y = |v: f64| HEIGHT / 2.0 - (HEIGHT / 2.0 - 12.0) * (v / top).clamp(-1.1, 1.1);
-    let (band_top, band) = (y(2.0 * before.noise), y(-2.0 * before.noise) - y(2.0 * before.noise));
-    let _ = write!(
-        html,
-        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"100%\" role=\"img\">\
-         <rect x=\"60\" y=\"{band_top:.1}\" width=\"{:.1}\" height=\"{band:.1}\" fill=\"#dbe9f6\"/>\
-         <path d=\"M60 {:.1}H{}\" stroke=\"#999\"/>",
-        WIDTH - 70.0,
-        y(0.0),
-        WIDTH - 10.0
-    );
-    for (m, colour) in [(before, "#b3402a"), (after, "#2f7d4f")] {
-        let _ = write!(html, "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"1\" opacity=\".8\" d=\"");
-        for (i, (t, v)) in thinned(&m.residuals).into_iter().enumerate() {
-            let _ = write!(html, "{}{:.1} {:.1}", if i == 0 { "M" } else { "L" }, x(t), y(v));
-        }
-        html.push_str("\"/>");
-    }
-    let _ = write!(
-        html,
-        "<g font-size=\"11\" fill=\"#555\"><text x=\"2\" y=\"14\">{top:.2e}</text><text x=\"2\" y=\"{:.0}\">{:.2e}</text>\
-         <text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\">{:.1} s; red before, green after</text></g></svg>",
-        HEIGHT - 4.0,
-        -top,
-        WIDTH - 10.0,
-        HEIGHT - 2.0,
-        last.0
-    );
-}
-
-/// At most about [`POINTS`] points: of each bin its smallest and its largest value, so that nothing that stands out is lost.
-fn thinned(residuals: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let bin = (2 * residuals.len()).div_ceil(POINTS).max(1);
-    if bin <= 2 {
-        return residuals.to_vec();
-    }
-    let mut out = Vec::with_capacity(POINTS + 2);
-    for chunk in residuals.chunks(bin) {
-        let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-        let (Some(low), Some(high)) = (chunk.iter().min_by(by_value), chunk.iter().max_by(by_value)) else { continue };
-        let (a, b) = if low.0 <= high.0 { (low, high) } else { (high, low) };
-        out.extend([*a, *b]);
-    }
-    out
+    let mut strips = Strips::new([0.0, 0.0], WIDTH, [first.0, last.0]);
+    let line = |name, misfit: &ChannelMisfit, colour| Line { name, colour, points: misfit.residuals.clone() };
+    let lines = [line("before", before, "#b3402a"), line("after", after, "#2f7d4f")];
+    strips.lines_in_band("", HEIGHT, 6.0 * before.noise, &lines, Some(2.0 * before.noise));
+    let (svg, height) = strips.finish();
+    let _ = write!(html, "<svg viewBox=\"0 0 {WIDTH} {height}\" width=\"100%\" role=\"img\">{svg}</svg>");
 }

@@ -43,7 +43,7 @@ pub fn fly(
     mut progress: impl FnMut(&MissionState),
 ) -> Result<()> {
     let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
-    let (description, path) = (Description::new(stack, "virtual")?, log_path.to_owned());
+    let (description, path) = (Description::new(stack, "virtual", seed)?, log_path.to_owned());
     let open = move |_| {
         let mut log = LogWriter::create(&path)?;
         description.write_to(&mut log)?;

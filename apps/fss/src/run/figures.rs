@@ -68,13 +68,15 @@ pub fn stop(stack: &Stack, truth: &[TruthState], states: &[MissionState]) -> Opt
 }
 
 fn body(plant: &Plant, t: &TruthState) -> Option<Body> {
-    let model = model(plant, t)?;
+    Some(Body::of(&model(plant, t)?, &state(t)))
+}
+
+fn state(t: &TruthState) -> State {
     let joints = t.link_count as usize;
-    let state = State::from_slices(
+    State::from_slices(
         &[&[t.x_m, t.y_m, t.theta_rad], &t.q_rad[..joints]].concat(),
         &[&[t.vx_m_s, t.vy_m_s, t.omega_rad_s], &t.qd_rad_s[..joints]].concat(),
-    );
-    Some(Body::of(&model, &state))
+    )
 }
 
 /// The vehicle as it is then: with the target where that is held, without the gas that is used.
@@ -90,6 +92,20 @@ fn model(plant: &Plant, t: &TruthState) -> Option<Model> {
         });
     }
     physics.model(t.gas_used_kg).ok()
+}
+
+/// Momentum of the vehicle and of the target, kg m/s, kg m/s, and kg m2/s about the table's middle; once the target is held
+/// the vehicle's is that of both, and there is no other.
+pub fn momenta(plant: &Plant, t: &TruthState) -> Option<([f64; 3], Option<[f64; 3]>)> {
+    let centre = model(plant, t)?.center_of_mass(&state(t).q);
+    let [px, py] = t.momentum;
+    let vehicle = [px, py, t.angular_momentum + centre.x * py - centre.y * px];
+    let target = plant.target.as_ref().filter(|_| t.target_held == 0).map(|target| {
+        let ([x, y, _], [vx, vy, omega]) = (t.target, t.target_rate);
+        let m = target.mass_kg;
+        [m * vx, m * vy, m * (x * vy - y * vx) + target.inertia_kg_m2 * omega]
+    });
+    Some((vehicle, target))
 }
 
 /// Of a mission with a target.

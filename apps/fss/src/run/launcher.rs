@@ -340,7 +340,7 @@ impl Member {
         self.heard = None;
         let mut command = this_program();
         if name == "lab" {
-            command.arg("lab").arg("--seed").arg(site.seed.to_string());
+            command.arg("lab");
         } else {
             command.arg("service").arg(name);
         }
@@ -350,6 +350,8 @@ impl Member {
             .arg(&site.folder)
             .arg("--bus")
             .arg(&site.bus_prefix)
+            .arg("--seed")
+            .arg(site.seed.to_string())
             .arg("--starts")
             .arg(self.starts.to_string())
             .env_remove(notify::SOCKET_VARIABLE)

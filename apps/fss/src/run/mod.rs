@@ -1,7 +1,7 @@
 //! `fss run`, `fss service` and `fss lab`: flying a mission, in real time or as fast as the machine allows.
 
 pub mod fast;
-mod figures;
+pub mod figures;
 mod launcher;
 mod limits;
 mod measured;
@@ -11,10 +11,11 @@ mod picture;
 mod processes;
 mod soak;
 pub mod stack;
-mod summary;
+pub mod summary;
 mod witness;
 
 use crate::calibrate::{self, Calibrated};
+use crate::drawing::scene::Table;
 use crate::files::{TextFile, write_silently};
 use clap::Args;
 use fss_bus::Service;
@@ -83,9 +84,6 @@ pub struct ServiceArgs {
 /// Run the simulated laboratory.
 #[derive(Args)]
 pub struct LabArgs {
-    /// Seed of everything random in it.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
     #[command(flatten)]
     site: SiteArgs,
 }
@@ -99,6 +97,9 @@ pub struct SiteArgs {
     /// Prefix of the stack in shared memory.
     #[arg(long, default_value = "fss_")]
     bus: String,
+    /// Seed of everything random in the simulated laboratory; the recorder notes it.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
     /// How often this process has been started in this run.
     #[arg(long, default_value_t = 1, hide = true)]
     starts: u32,
@@ -154,9 +155,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
     bar.finish_and_clear();
     let log = Log::open(&folder.join(LOG_FILE)).into_diagnostic()?;
     let records = Records::of(&log, &stack.launch.vehicle).into_diagnostic()?;
-    let mut summary = records.summary(&stack.mission_name);
-    summary.stop = figures::stop(&stack, records.truth(), records.states());
-    summary.capture = figures::capture(&stack, records.truth(), records.states());
+    let mut summary = records.summary_of(&stack);
     if let Some(mission) = ended {
         // The first log knows nothing of what came after its recorder's death.
         summary.outcome = summary::outcome(&[mission]);
@@ -169,7 +168,9 @@ pub fn run(args: &RunArgs) -> Result<()> {
     write("summary.json", serde_json::to_string_pretty(&summary).into_diagnostic()?)?;
     let model = stack.plant.nominal().model().into_diagnostic()?;
     let title = format!("{}: {}", stack.mission_name, stack.mission.description);
-    if let Some(svg) = picture::render(&stack.plant, &model, &title, records.flown(), records.arm()) {
+    let target = stack.mission.target.as_ref().map(|target| &target.body);
+    let table = Table { plant: &stack.plant, model: &model, target };
+    if let Some(svg) = picture::render(&table, &title, records.flown(), records.arm()) {
         write("run.svg", svg)?;
     }
     summary.print();
@@ -202,7 +203,7 @@ pub fn service(args: &ServiceArgs) -> Result<()> {
 
 /// Runs the simulated laboratory as a process.
 pub fn lab(args: &LabArgs) -> Result<()> {
-    processes::lab(args.seed, &args.site)
+    processes::lab(&args.site)
 }
 
 /// `out/MISSION`, or the first of `out/MISSION-2`, `-3` and so on that holds no log yet: no run replaces another unasked.

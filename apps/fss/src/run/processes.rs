@@ -109,7 +109,7 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
 }
 
 fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
-    let description = Description::new(&site.stack, "real time")?;
+    let description = Description::new(&site.stack, "real time", args.seed)?;
     let (folder, starts) = (args.run.clone(), args.starts);
     let open = move |part| {
         let mut log = LogWriter::create(&folder.join(log_name(starts, part)))?;
@@ -137,16 +137,16 @@ fn log_name(starts: u32, part: u32) -> String {
 
 /// What each log of a run says about it: the stack's files and the facts of the build and the host.
 pub struct Description {
-    files: [(&'static str, String); 3],
+    files: Vec<(&'static str, String)>,
     facts: BTreeMap<String, String>,
 }
 
 impl Description {
-    /// Of a stack on a clock, `real time` or `virtual`.
+    /// Of a stack on a clock, `real time` or `virtual`, and the seed of its simulated laboratory.
     ///
     /// # Errors
     /// Where the computer's clocks cannot be read.
-    pub fn new(stack: &Stack, clock: &str) -> Result<Self> {
+    pub fn new(stack: &Stack, clock: &str, seed: u64) -> Result<Self> {
         let mut facts = BTreeMap::from([
             ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("clock".to_owned(), clock.to_owned()),
@@ -160,12 +160,10 @@ impl Description {
             let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
             facts.insert("kernel".to_owned(), kernel.trim().to_owned());
         }
-        let files = [
-            ("plant.toml", stack.plant_text.clone()),
-            ("launch.toml", stack.launch_text.clone()),
-            ("mission.toml", stack.mission_text.clone()),
-        ];
-        Ok(Self { files, facts })
+        if stack.launch.schedule("lab").is_some() {
+            facts.insert("seed".to_owned(), seed.to_string());
+        }
+        Ok(Self { files: stack.attachments()?, facts })
     }
 
     /// Puts it into a log.
@@ -229,7 +227,8 @@ fn drive(site: &Site, valves: impl Valves) -> Result<()> {
 }
 
 /// Runs the laboratory until it is told to stop.
-pub fn lab(seed: u64, args: &SiteArgs) -> Result<()> {
+pub fn lab(args: &SiteArgs) -> Result<()> {
+    let seed = args.seed;
     let site = Site::open("lab", args)?;
     let schedule = site.schedule("lab")?;
     let mut config = LabConfig::new(seed, site.link_key()?);

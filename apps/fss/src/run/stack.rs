@@ -106,7 +106,32 @@ impl Stack {
             let text = text.ok_or_else(|| miette!("{} holds no {name}", log.path().display()))?;
             Ok(TextFile { path: log.path().join(name), text })
         };
-        Self::parse(&read(LAUNCH_FILE)?, &read(PLANT_FILE)?, &read(MISSION_FILE)?, String::new())
+        let mut stack = Self::parse(&read(LAUNCH_FILE)?, &read(PLANT_FILE)?, &read(MISSION_FILE)?, String::new())?;
+        stack.mission_name.clone_from(&stack.mission.name);
+        match log.attachment(LABORATORY_FILE).into_diagnostic()? {
+            Some(text) => stack.with_laboratory(TextFile { path: log.path().join(LABORATORY_FILE), text }),
+            None => Ok(stack),
+        }
+    }
+
+    /// The files that a log of it holds, with their names: the laboratory's where that is another than the plant, the
+    /// faults where there are any.
+    ///
+    /// # Errors
+    /// Where the faults cannot be written as text.
+    pub fn attachments(&self) -> Result<Vec<(&'static str, String)>> {
+        let mut files = vec![
+            (PLANT_FILE, self.plant_text.clone()),
+            (LAUNCH_FILE, self.launch_text.clone()),
+            (MISSION_FILE, self.mission_text.clone()),
+        ];
+        if let Some((_, text)) = self.laboratory.as_ref().filter(|(_, text)| *text != self.plant_text) {
+            files.push((LABORATORY_FILE, text.clone()));
+        }
+        if self.faults != Faults::default() {
+            files.push((FAULTS_FILE, toml::to_string(&self.faults).into_diagnostic()?));
+        }
+        Ok(files)
     }
 
     /// The same with what a fault file says.
@@ -160,8 +185,11 @@ impl Stack {
     ///
     /// # Errors
     /// Names the file, the line and what to do.
-    pub fn in_laboratory(mut self, path: &Path) -> Result<Self> {
-        let file = TextFile::read(path, "laboratory's plant file")?;
+    pub fn in_laboratory(self, path: &Path) -> Result<Self> {
+        self.with_laboratory(TextFile::read(path, "laboratory's plant file")?)
+    }
+
+    fn with_laboratory(mut self, file: TextFile) -> Result<Self> {
         let mut plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
         bring_target(&mut plant, &self.mission);
         let count = |plant: &Plant| (plant.link_count(), plant.thrusters.len());

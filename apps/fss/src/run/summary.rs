@@ -1,6 +1,7 @@
 //! What happened in a run, told from its log alone.
 
-use super::figures::{CaptureFigures, StopFigures};
+use super::figures::{self, CaptureFigures, StopFigures};
+use super::stack::Stack;
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
 use fss_records::log::{Log, LogError, Samples, TopicInfo};
 use serde::Serialize;
@@ -164,10 +165,37 @@ impl Records {
         &self.arm
     }
 
+    /// Navigation's states.
+    pub fn nav(&self) -> &[NavState] {
+        &self.nav
+    }
+
+    /// What the services said of their rates.
+    pub fn health(&self) -> &[Health] {
+        &self.health
+    }
+
+    /// What happened.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// First and last time of the log, ns.
+    pub fn span_ns(&self) -> [u64; 2] {
+        let first = self.topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
+        [first, self.topics.iter().map(|t| t.last_ns).max().unwrap_or(0)]
+    }
+
+    /// The run's figures, with those that the mission of this stack is measured by.
+    pub fn summary_of(&self, stack: &Stack) -> Summary {
+        let stop = figures::stop(stack, &self.truth, &self.states);
+        let capture = figures::capture(stack, &self.truth, &self.states);
+        Summary { stop, capture, ..self.summary(&stack.mission_name) }
+    }
+
     /// The run's figures.
     pub fn summary(&self, mission: &str) -> Summary {
-        let first_ns = self.topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
-        let last_ns = self.topics.iter().map(|t| t.last_ns).max().unwrap_or(0);
+        let [first_ns, last_ns] = self.span_ns();
         let flown = self.flown();
         Summary {
             format: "fss-summary/1",
@@ -269,18 +297,23 @@ fn end_effector(truth: &[TruthState], arm: &[ArmCommand]) -> Option<EndEffector>
     Some(EndEffector { moved_m: distance(&first.ee, &last.ee), final_error_m, max_error_m })
 }
 
+/// An estimate less the truth of its time: x m, y m, heading rad. `None` where the truth does not reach.
+pub fn navigation_error(nav: &NavState, truth: &[TruthState]) -> Option<[f64; 3]> {
+    let after = truth.partition_point(|t| t.stamp_ns < nav.stamp_ns);
+    let (a, b) = (truth.get(after.checked_sub(1)?)?, truth.get(after)?);
+    let at = |f: fn(&TruthState) -> f64| {
+        let share = (nav.stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns).max(1) as f64;
+        f(a) + share * (f(b) - f(a))
+    };
+    let heading = nav.theta_rad - at(|t| t.theta_rad);
+    Some([nav.x_m - at(|t| t.x_m), nav.y_m - at(|t| t.y_m), heading.sin().atan2(heading.cos())])
+}
+
 fn navigation(nav: &[NavState], truth: &[TruthState]) -> Option<Navigation> {
     let (mut count, mut position2, mut heading2, mut position_max_m) = (0.0, 0.0, 0.0, 0.0_f64);
     for n in nav.iter().filter(|n| n.mode != NavState::INITIALISING) {
-        let after = truth.partition_point(|t| t.stamp_ns < n.stamp_ns);
-        let (Some(a), Some(b)) = (after.checked_sub(1).and_then(|i| truth.get(i)), truth.get(after)) else { continue };
-        let at = |f: fn(&TruthState) -> f64| {
-            let share = (n.stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns).max(1) as f64;
-            f(a) + share * (f(b) - f(a))
-        };
-        let error = (n.x_m - at(|t| t.x_m)).hypot(n.y_m - at(|t| t.y_m));
-        let heading = n.theta_rad - at(|t| t.theta_rad);
-        let heading = heading.sin().atan2(heading.cos());
+        let Some([x, y, heading]) = navigation_error(n, truth) else { continue };
+        let error = x.hypot(y);
         position2 += error * error;
         heading2 += heading * heading;
         position_max_m = position_max_m.max(error);

@@ -1,6 +1,6 @@
 //! Bands of colour for a field over the plane.
 
-use super::plot::Plot;
+use crate::drawing::plane::Plot;
 use std::fmt::Write;
 
 /// Viridis (S. van der Walt and N. Smith, 2015) in ten steps, dark for little.

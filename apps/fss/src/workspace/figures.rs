@@ -2,7 +2,7 @@
 
 use super::Look;
 use super::contours::{COLOURS, Field};
-use super::plot::{Plot, arc, picture};
+use crate::drawing::plane::{Plot, arc, picture};
 use fss_identify::workspace::{Ring, best_manipulability_by_place, reachable_rings};
 use fss_multibody::{Coordinates, Manipulability, Model};
 use fss_plant::Plant;

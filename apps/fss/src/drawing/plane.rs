@@ -161,6 +161,26 @@ impl Plot {
         );
     }
 
+    /// The granite: its edge, and grey beyond it. The table frame's origin is its middle.
+    pub fn table(&mut self, size_m: [f64; 2]) {
+        let [w, h] = size_m.map(|m| m / 2.0);
+        let ([left, top], [width, height]) = (self.corner, self.size);
+        let around = format!("M{left:.1} {top:.1}h{width:.1}v{height:.1}h{:.1}Z", -width);
+        let edge = self.path(&[[-w, -h], [w, -h], [w, h], [-w, h]]);
+        self.clipped(&format!(
+            "<path d=\"{around}{edge}Z\" fill=\"#d9d5cc\" fill-rule=\"evenodd\"/><path d=\"{edge}Z\" fill=\"none\" stroke=\"#888\"/>"
+        ));
+    }
+
+    /// The target: a disc with its handle on the rim, at the body's angle 0.
+    pub fn disc(&mut self, [x, y, theta]: [f64; 3], radius_m: f64, opacity: f64) {
+        let rim = |share: f64| [x + share * radius_m * theta.cos(), y + share * radius_m * theta.sin()];
+        let style = format!("fill=\"#cfe5d5\" stroke=\"#245c3a\" stroke-width=\"1.5\" opacity=\"{opacity}\"");
+        self.circle([x, y], radius_m, &style);
+        self.line(&[rim(0.82), rim(1.0)], &format!("stroke=\"#245c3a\" stroke-width=\"6\" opacity=\"{opacity}\""));
+        self.line(&[[x, y], rim(0.82)], &format!("stroke=\"#245c3a\" opacity=\"{opacity}\""));
+    }
+
     /// SVG of the caller's own, clipped to the plot.
     pub fn clipped(&mut self, svg: &str) {
         let _ = write!(self.svg, "<g clip-path=\"url(#{})\">{svg}</g>", self.name);
