@@ -16,6 +16,7 @@ mod replay;
 mod report;
 mod run;
 mod top;
+mod view;
 mod workspace;
 
 use clap::{Parser, Subcommand};
@@ -70,6 +71,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Write one self-contained page about a flight, for a paper's appendix.
     Report(report::ReportArgs),
+    /// Show a flight in the browser: a log, or the stack that runs.
+    View(view::ViewArgs),
 }
 
 fn main() -> miette::Result<ExitCode> {
@@ -93,6 +96,7 @@ fn main() -> miette::Result<ExitCode> {
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),
         Command::Report(args) => report::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Compare(args) => return Ok(compare::run(&args)),
         Command::Replay(args) => return Ok(replay::run(&args)),
     }?;

@@ -10,7 +10,7 @@ use crate::drawing::plane::picture;
 use crate::drawing::scene::{Cut, from_above, legend};
 use crate::files::write;
 use clap::Args;
-use flight::Flight;
+pub use flight::Flight;
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result};
 use std::fmt::Write;

@@ -57,7 +57,7 @@ pub fn run(args: &TopArgs) -> Result<()> {
 }
 
 /// The prefix of the stack that runs, from the launcher's process number that it carries.
-fn only_stack() -> Result<String> {
+pub fn only_stack() -> Result<String> {
     let names = std::fs::read_dir("/dev/shm")
         .into_diagnostic()?
         .flatten()

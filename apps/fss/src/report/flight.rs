@@ -4,7 +4,7 @@ use crate::drawing::scene::{Moment, Table};
 use crate::drawing::strips::Span;
 use crate::run::stack::Stack;
 use crate::run::summary::Records;
-use fss_messages::{LinksState, MAX_LINKS, MissionState, MocapPose, Sample, ThrustersState, topic};
+use fss_messages::{LinksState, MAX_LINKS, MocapPose, Sample, ThrustersState, topic};
 use fss_multibody::Model;
 use fss_records::log::{Log, Samples};
 use miette::{IntoDiagnostic, Result};
@@ -32,7 +32,7 @@ pub struct Flight {
     /// Valves at their driver.
     pub valves: Vec<ThrustersState>,
     /// Motion capture of the target.
-    target: Vec<MocapPose>,
+    pub target: Vec<MocapPose>,
     zero_ns: u64,
 }
 
@@ -142,22 +142,10 @@ impl Flight {
             let key = (state.state, state.phase);
             if last != Some(key) {
                 last = Some(key);
-                spans.push(Span { during_s: [at_s, at_s], name: self.phase_name(state) });
+                spans.push(Span { during_s: [at_s, at_s], name: self.stack.phase_name(state) });
             }
         }
         spans
-    }
-
-    fn phase_name(&self, state: &MissionState) -> String {
-        match state.state {
-            MissionState::WAITING => "waiting".to_owned(),
-            MissionState::DONE => "done".to_owned(),
-            MissionState::ABORTED => "aborted".to_owned(),
-            _ => {
-                let phase = self.stack.mission.phase(state.phase as usize);
-                phase.map_or_else(|| format!("phase {}", state.phase + 1), |phase| phase.name.clone())
-            }
-        }
     }
 
     /// When each valve was open, s.

@@ -3,6 +3,7 @@
 use crate::files::TextFile;
 use fss_bus::launch::Launch;
 use fss_lab::{Faults, LabConfig};
+use fss_messages::MissionState;
 use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::log::Log;
@@ -45,6 +46,7 @@ const FAULTS_FILE: &str = "faults.toml";
 const LABORATORY_FILE: &str = "laboratory.toml";
 
 /// A stack's files and what they say.
+#[derive(Clone)]
 pub struct Stack {
     /// Rates, priorities, devices.
     pub launch: Launch,
@@ -200,6 +202,19 @@ impl Stack {
         }
         self.laboratory = Some((plant, file.text));
         Ok(self)
+    }
+
+    /// The phase that a mission is in, by the name that its file gives it.
+    pub fn phase_name(&self, state: &MissionState) -> String {
+        match state.state {
+            MissionState::WAITING => "waiting".to_owned(),
+            MissionState::DONE => "done".to_owned(),
+            MissionState::ABORTED => "aborted".to_owned(),
+            _ => {
+                let phase = self.mission.phase(state.phase as usize);
+                phase.map_or_else(|| format!("phase {}", state.phase + 1), |phase| phase.name.clone())
+            }
+        }
     }
 
     /// The plant of the simulated laboratory.

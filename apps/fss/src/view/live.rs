@@ -1,0 +1,157 @@
+//! The running stack: samples from the bus, 30 times a second, to whoever looks.
+
+use super::frame::{EventRow, HealthRow, Samples, Scene, mask};
+use super::server::Stream;
+use crate::run::stack::Stack;
+use crate::top::only_stack;
+use clap::Args;
+use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
+use fss_messages::{Event, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic};
+use miette::{IntoDiagnostic, Result, miette};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Which stack.
+#[derive(Args)]
+pub struct StackArgs {
+    /// Prefix of the stack in shared memory; that of the only stack that runs where absent.
+    #[arg(long, conflicts_with = "log")]
+    bus: Option<String>,
+    /// Folder of the run, for the shape of the vehicle; that of the stack's processes where absent.
+    #[arg(long, value_name = "DIR", conflicts_with = "log")]
+    run: Option<PathBuf>,
+}
+
+/// Between two pictures, ns.
+const PERIOD_NS: u64 = 33_333_333;
+
+struct Ports {
+    truth: Latest<TruthState>,
+    nav: Latest<NavState>,
+    links: Latest<LinksState>,
+    mission: Latest<MissionState>,
+    target: Batch<MocapPose>,
+    valves: Batch<ThrustersState>,
+    health: Batch<Health>,
+    events: Batch<Event>,
+}
+
+/// A reader beside a flying stack.
+pub struct Watch {
+    scene: Scene,
+    ports: Ports,
+    /// The target as it was last seen.
+    seen: Option<MocapPose>,
+    /// Lives as long as its ports.
+    _bus: Bus,
+}
+
+/// The folder that the stack's processes were started in, from their command lines.
+fn folder_of(prefix: &str) -> Option<PathBuf> {
+    let processes = std::fs::read_dir("/proc").ok()?.flatten();
+    processes.filter_map(|entry| std::fs::read(entry.path().join("cmdline")).ok()).find_map(|line| {
+        let words: Vec<String> = line.split(|b| *b == 0).map(|w| String::from_utf8_lossy(w).into_owned()).collect();
+        let after = |name: &str| words.iter().position(|word| word == name).and_then(|i| words.get(i + 1));
+        (after("--bus").is_some_and(|bus| bus == prefix)).then(|| after("--run").map(PathBuf::from))?
+    })
+}
+
+impl Ports {
+    fn open(bus: &Bus) -> Result<Self> {
+        Ok(Self {
+            truth: Latest::open(bus, topic::TRUTH_STATE).into_diagnostic()?,
+            nav: Latest::open(bus, topic::NAV_STATE).into_diagnostic()?,
+            links: Latest::open(bus, topic::LINKS_STATE).into_diagnostic()?,
+            mission: Latest::open(bus, topic::MISSION_STATE).into_diagnostic()?,
+            target: Batch::open(bus, topic::MOCAP_TARGET).into_diagnostic()?,
+            valves: Batch::open(bus, topic::THRUSTERS_STATE).into_diagnostic()?,
+            health: Batch::open(bus, topic::HEALTH).into_diagnostic()?,
+            events: Batch::open(bus, topic::EVENTS).into_diagnostic()?,
+        })
+    }
+
+    fn refresh(&mut self) {
+        self.truth.refresh();
+        self.nav.refresh();
+        self.links.refresh();
+        self.mission.refresh();
+        self.target.refresh();
+        self.valves.refresh();
+        self.health.refresh();
+        self.events.refresh();
+    }
+}
+
+impl Watch {
+    /// Joins a stack as a reader.
+    ///
+    /// # Errors
+    /// Where no stack runs, or which is not clear, or shared memory refuses.
+    pub fn join(args: &StackArgs) -> Result<Self> {
+        let prefix = args.bus.clone().map_or_else(only_stack, Ok)?;
+        let folder = args.run.clone().or_else(|| folder_of(&prefix)).ok_or_else(|| {
+            miette!(help = "name it with --run", "no process of the stack '{prefix}' tells the folder of its run")
+        })?;
+        let stack = Stack::in_folder(&folder)?;
+        let config = SharedConfig { node: "view".to_owned(), prefix };
+        let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
+        let ports = Ports::open(&bus)?;
+        Ok(Self { scene: Scene::of(stack)?, ports, seen: None, _bus: bus })
+    }
+
+    /// What does not change, as the page wants it.
+    pub fn scene_json(&self) -> String {
+        self.scene.json(true)
+    }
+
+    /// Reads and tells, for ever.
+    ///
+    /// # Errors
+    /// Where the clock cannot be read.
+    pub fn run(mut self, stream: &Stream) -> Result<()> {
+        let zero_ns = realtime::now().into_diagnostic()?.ns();
+        let mut next = Time::from_ns(zero_ns);
+        loop {
+            next = next.plus_ns(PERIOD_NS);
+            realtime::sleep_until(next);
+            let now = realtime::now().into_diagnostic()?;
+            if now.age_ns(next.ns()) > PERIOD_NS {
+                next = now; // this computer was busy: no burst makes up for it
+            }
+            self.ports.refresh();
+            self.tell(stream, |ns| (i128::from(ns) - i128::from(zero_ns)) as f64 * 1e-9)?;
+        }
+    }
+
+    fn tell(&mut self, stream: &Stream, seconds: impl Fn(u64) -> f64) -> Result<()> {
+        let ports = &self.ports;
+        let seen = ports.target.samples().iter().rfind(|pose| pose.quality == MocapPose::VALID).copied();
+        self.seen = seen.or(self.seen);
+        let fresh = ports.truth.fresh().map(|t| t.stamp_ns).or(ports.nav.fresh().map(|n| n.stamp_ns));
+        if let Some(stamp_ns) = fresh {
+            let samples = Samples {
+                truth: ports.truth.get(),
+                nav: ports.nav.get(),
+                links: ports.links.get(),
+                mission: ports.mission.get(),
+                target: self.seen.as_ref(),
+                fired: ports.valves.samples().iter().fold(0, |all, state| all | mask(&state.valves)),
+            };
+            if let Some(frame) = self.scene.frame(seconds(stamp_ns), &samples) {
+                say(stream, "frame", &frame)?;
+            }
+        }
+        for health in ports.health.samples() {
+            say(stream, "health", &HealthRow::of(seconds(health.stamp_ns), health))?;
+        }
+        for event in ports.events.samples().iter().filter(|event| event.severity >= Event::INFO) {
+            say(stream, "event", &EventRow::of(seconds(event.stamp_ns), event))?;
+        }
+        Ok(())
+    }
+}
+
+fn say(stream: &Stream, name: &str, what: &impl Serialize) -> Result<()> {
+    stream.say(name, &serde_json::to_string(what).into_diagnostic()?);
+    Ok(())
+}

@@ -1,0 +1,65 @@
+//! A log as the page wants it: frames at the picture's rate, reports of health, events.
+
+use super::frame::{EventRow, Frame, HealthRow, Samples, Scene};
+use crate::report::Flight;
+use fss_messages::{Event, MocapPose, Sample};
+use fss_records::log::Log;
+use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
+
+/// The picture's rate, and the most frames of a log, which then come less often.
+const RATE_HZ: f64 = 30.0;
+const MOST_FRAMES: f64 = 9000.0;
+
+#[derive(Serialize)]
+struct Logged {
+    frames: Vec<Frame>,
+    health: Vec<HealthRow>,
+    events: Vec<EventRow>,
+}
+
+/// Reads a log; gives the scene and the flight as JSON.
+///
+/// # Errors
+/// Names what is wrong with the log or missing.
+pub fn read(log: &Log) -> Result<(String, String)> {
+    let flight = Flight::read(log)?;
+    let scene = Scene::of(flight.stack.clone())?;
+    let [start_s, end_s] = flight.span_s();
+    let period_s = (1.0 / RATE_HZ).max((end_s - start_s) / MOST_FRAMES);
+    let seen: Vec<MocapPose> = flight.target.iter().filter(|p| p.quality == MocapPose::VALID).copied().collect();
+    let records = &flight.records;
+    let mut frames = Vec::new();
+    let count = ((end_s - start_s) / period_s).floor() as usize;
+    let mut valves_from = 0;
+    for k in 0..=count {
+        let t_s = start_s + k as f64 * period_s;
+        let fired = flight.valves[valves_from..].iter().take_while(|v| flight.seconds(v.stamp_ns) <= t_s);
+        let (mut mask, mut passed) = (0, 0);
+        for state in fired {
+            mask |= super::frame::mask(&state.valves);
+            passed += 1;
+        }
+        valves_from += passed;
+        let samples = Samples {
+            truth: newest(&flight, records.truth(), t_s),
+            nav: newest(&flight, records.nav(), t_s),
+            links: newest(&flight, &flight.links, t_s),
+            mission: newest(&flight, records.states(), t_s),
+            target: newest(&flight, &seen, t_s),
+            fired: mask,
+        };
+        frames.extend(scene.frame(t_s, &samples));
+    }
+    let health = records.health().iter().map(|h| HealthRow::of(flight.seconds(h.stamp_ns), h)).collect();
+    let events = records.events().iter().filter(|e| e.severity >= Event::INFO);
+    let events = events.map(|e| EventRow::of(flight.seconds(e.stamp_ns), e)).collect();
+    let text = serde_json::to_string(&Logged { frames, health, events }).into_diagnostic()?;
+    Ok((scene.json(false), text))
+}
+
+/// The newest sample at a time, s.
+fn newest<'a, T: Sample>(flight: &Flight, samples: &'a [T], t_s: f64) -> Option<&'a T> {
+    let after = samples.partition_point(|sample| flight.seconds(sample.header().stamp_ns) <= t_s);
+    samples.get(after.checked_sub(1)?)
+}
