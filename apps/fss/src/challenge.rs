@@ -47,7 +47,8 @@ pub struct ChallengeArgs {
     resume: bool,
 }
 
-fn parse_seeds(text: &str) -> Result<Range<u64>, String> {
+/// A range of seeds as a person writes it: `1..301`, without the last.
+pub fn parse_seeds(text: &str) -> Result<Range<u64>, String> {
     let (from, to) = text.split_once("..").ok_or("write a range of seeds as 1..300")?;
     let number = |text: &str| text.trim().parse::<u64>().map_err(|e| format!("'{text}': {e}"));
     let range = number(from)?..number(to)?;

@@ -1,11 +1,12 @@
 //! `fss log`: what a log holds, as tables, and whole again where it was broken.
 
+mod export;
+
 use clap::{Args, Subcommand};
 use fss_messages::{Event, text_of, topic};
 use fss_records::log::{Damage, Log, TopicInfo};
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -14,8 +15,8 @@ use std::path::{Path, PathBuf};
 pub enum LogCommand {
     /// Show topics, counts and rates, and what happened.
     Info(InfoArgs),
-    /// Write every topic as a table.
-    Export(ExportArgs),
+    /// Write every topic as a table: CSV, Parquet or MATLAB.
+    Export(export::ExportArgs),
     /// Make a whole log of what a broken one still holds: all but the last second where its recorder was killed.
     Recover(RecoverArgs),
 }
@@ -28,16 +29,6 @@ pub struct RecoverArgs {
     /// The new log; where absent LOG with .recovered before its ending.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-}
-
-/// What to export.
-#[derive(Args)]
-pub struct ExportArgs {
-    /// The log, an MCAP file.
-    log: PathBuf,
-    /// Folder for one CSV file a topic, /nav/state as nav.state.csv.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
 }
 
 /// What to show.
@@ -54,7 +45,7 @@ pub struct InfoArgs {
 pub fn run(command: &LogCommand) -> Result<()> {
     match command {
         LogCommand::Info(args) => info(args),
-        LogCommand::Export(args) => export(args),
+        LogCommand::Export(args) => export::run(args),
         LogCommand::Recover(args) => recover(args),
     }
 }
@@ -155,20 +146,4 @@ fn recover(args: &RecoverArgs) -> Result<()> {
         out.display(),
         found.messages
     ))
-}
-
-fn export(args: &ExportArgs) -> Result<()> {
-    let log = Log::open(&args.log).into_diagnostic()?;
-    std::fs::create_dir_all(&args.out)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot make {}", args.out.display()))?;
-    for topic in log.topics().into_diagnostic()? {
-        let path = args.out.join(topic.topic.trim_matches('/').replace('/', ".") + ".csv");
-        let file = File::create(&path).into_diagnostic().wrap_err_with(|| format!("cannot make {}", path.display()))?;
-        let mut file = BufWriter::new(file);
-        log.write_csv(&topic.topic, &mut file).into_diagnostic()?;
-        file.flush().into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-        unless_unread(writeln!(io::stdout(), "{} ({} messages)", path.display(), topic.count))?;
-    }
-    Ok(())
 }

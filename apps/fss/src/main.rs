@@ -3,6 +3,7 @@
 
 mod bench;
 mod calibrate;
+mod campaign;
 mod challenge;
 mod compare;
 mod diagnose;
@@ -34,6 +35,8 @@ struct Cli {
 enum Command {
     /// Fly a mission with the whole stack against the simulated laboratory.
     Run(run::RunArgs),
+    /// Fly a mission with many seeds, or over values of its plant, and count how often it succeeds.
+    Campaign(campaign::CampaignArgs),
     /// Run one service of a stack, as the launcher or systemd starts it.
     Service(run::ServiceArgs),
     /// Run the simulated laboratory alone.
@@ -82,6 +85,7 @@ fn main() -> miette::Result<ExitCode> {
         .init();
     match Cli::parse().command {
         Command::Run(args) => run::run(&args),
+        Command::Campaign(args) => campaign::run(&args),
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
         Command::Soak(args) => run::soak(&args),

@@ -87,6 +87,18 @@ pub struct Field {
     pub offset: usize,
 }
 
+impl Field {
+    /// Whether it holds text, as its documentation says: UTF-8, filled with zeros.
+    pub fn is_text(&self) -> bool {
+        self.scalar == Scalar::U8 && self.count.is_some() && self.doc.contains("UTF-8")
+    }
+
+    /// Whether it only fills the room that the layout needs.
+    pub fn is_padding(&self) -> bool {
+        self.name.starts_with("reserved")
+    }
+}
+
 /// A named value of a sample's `u8` field.
 #[derive(Clone, Copy, Debug)]
 pub struct Constant {

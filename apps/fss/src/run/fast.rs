@@ -1,7 +1,9 @@
 //! A whole run in one process on a virtual clock: the same cores, the same device bytes, as fast as the machine allows.
 
+use super::listener::Listener;
 use super::processes::{Description, start_of};
 use super::stack::Stack;
+use super::summary::Records;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::launch::Schedule;
@@ -40,7 +42,7 @@ pub fn fly(
     laboratory: &Plant,
     log_path: &Path,
     seed: u64,
-    mut progress: impl FnMut(&MissionState),
+    progress: impl FnMut(&MissionState),
 ) -> Result<()> {
     let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
     let (description, path) = (Description::new(stack, "virtual", seed)?, log_path.to_owned());
@@ -51,41 +53,64 @@ pub fn fly(
     };
     let recorder = Recorder::waiting(&bus, Box::new(open)).into_diagnostic()?;
     let recorder = Rc::new(RefCell::new(Runner::new(recorder, &bus).into_diagnostic()?));
-    let mut mission = Latest::open(&bus, topic::MISSION_STATE).into_diagnostic()?;
-
-    let mut clock = virtual_time::Stack::new();
-    for schedule in &stack.launch.services {
-        add(&mut clock, schedule, (stack, laboratory), &bus, seed, &recorder)?;
-    }
-    let deadline = Time::from_ns(((stack.mission.duration_s() + PATIENCE_S) * 1e9) as u64);
-    let outcome = loop {
-        let Some(now) = clock.step() else { break Err(miette!("the launch file starts no service")) };
-        mission.refresh();
-        if let Some(state) = mission.fresh() {
-            let state: &MissionState = state;
-            progress(state);
-            if state.state == MissionState::DONE || state.state == MissionState::ABORTED {
-                break Ok(now);
-            }
-        }
-        if now > deadline {
-            break Err(miette!(
-                "the mission did not end within {PATIENCE_S} s of its time; the log says what it waits for"
-            ));
-        }
-    };
-    drop(clock);
+    let outcome = until_its_end(stack, laboratory, &bus, seed, &recorder, progress);
     let recorder = Rc::into_inner(recorder).ok_or_else(|| miette!("the recorder is still in use"))?;
-    let mut recorder = recorder.into_inner();
-    if let Ok(now) = &outcome {
-        recorder.step(*now); // the last samples
-    }
+    let recorder = recorder.into_inner();
     let lost = recorder.service.lost();
     recorder.service.finish().into_diagnostic()?;
     if lost > 0 {
         return Err(miette!("{} could not be written: {lost} samples are missing", log_path.display()));
     }
-    outcome.map(|_| ())
+    if !outcome? {
+        return Err(miette!(
+            "the mission did not end within {PATIENCE_S} s of its time; the log says what it waits for"
+        ));
+    }
+    Ok(())
+}
+
+/// Flies the mission and gives what [`fly`] would record of it, without a log.
+///
+/// # Errors
+/// Where the stack does not fly. A mission that does not end is none: its records say so.
+pub fn fly_unrecorded(stack: &Stack, seed: u64) -> Result<Records> {
+    let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
+    let listener = Rc::new(RefCell::new(Listener::new(&bus).into_diagnostic()?));
+    let outcome = until_its_end(stack, stack.laboratory(), &bus, seed, &listener, |_| ());
+    let listener = Rc::into_inner(listener).ok_or_else(|| miette!("the listener is still in use"))?;
+    outcome.map(|_has_ended| listener.into_inner().told())
+}
+
+/// Flies until the mission has ended, or until it is given up, which gives false; `recorder` stands where the launch file has the recorder.
+fn until_its_end(
+    stack: &Stack,
+    laboratory: &Plant,
+    bus: &Bus,
+    seed: u64,
+    recorder: &Rc<RefCell<impl Tick + 'static>>,
+    mut progress: impl FnMut(&MissionState),
+) -> Result<bool> {
+    let mut mission = Latest::open(bus, topic::MISSION_STATE).into_diagnostic()?;
+    let mut clock = virtual_time::Stack::new();
+    for schedule in &stack.launch.services {
+        add(&mut clock, schedule, (stack, laboratory), bus, seed, recorder)?;
+    }
+    let deadline = Time::from_ns(((stack.mission.duration_s() + PATIENCE_S) * 1e9) as u64);
+    loop {
+        let Some(now) = clock.step() else { return Err(miette!("the launch file starts no service")) };
+        mission.refresh();
+        if let Some(state) = mission.fresh() {
+            let state: &MissionState = state;
+            progress(state);
+            if state.state == MissionState::DONE || state.state == MissionState::ABORTED {
+                recorder.borrow_mut().tick(now); // the last samples
+                return Ok(true);
+            }
+        }
+        if now > deadline {
+            return Ok(false);
+        }
+    }
 }
 
 /// A member that the run needs back when the clock has stopped.
@@ -103,7 +128,7 @@ fn add(
     (stack, laboratory): (&Stack, &Plant),
     bus: &Bus,
     seed: u64,
-    recorder: &Rc<RefCell<Runner<Recorder>>>,
+    recorder: &Rc<RefCell<impl Tick + 'static>>,
 ) -> Result<()> {
     let (period_ns, phase_ns) = (schedule.period_ns(), schedule.phase_ns());
     let plant = &stack.plant;

@@ -4,6 +4,7 @@ pub mod fast;
 pub mod figures;
 mod launcher;
 mod limits;
+mod listener;
 mod measured;
 mod notify;
 mod overruns;
@@ -35,6 +36,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use summary::Records;
+pub use summary::Summary;
 
 /// Fly a mission.
 #[derive(Args)]
@@ -153,12 +155,30 @@ pub fn run(args: &RunArgs) -> Result<()> {
         ended = flown.mission;
     }
     bar.finish_and_clear();
+    let summary = conclude(&stack, &folder, ended.as_ref())?;
+    if summary.outcome == "aborted" {
+        return Err(miette!("the mission was aborted; the events above and `fss log info` say why"));
+    }
+    Ok(())
+}
+
+/// Flies a mission on a virtual clock into a folder, as `fss run --fast` does, and says what happened.
+pub fn fly_fast(stack: &Stack, folder: &Path, seed: u64) -> Result<Summary> {
+    std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))?;
+    stack.write_to(folder)?;
+    fast::fly(stack, stack.laboratory(), &folder.join(LOG_FILE), seed, |_| ())?;
+    conclude(stack, folder, None)
+}
+
+/// Writes what a flight whose log lies in `folder` has come to, and says it. `ended` is how the mission ended, where the
+/// log may not know.
+fn conclude(stack: &Stack, folder: &Path, ended: Option<&MissionState>) -> Result<Summary> {
     let log = Log::open(&folder.join(LOG_FILE)).into_diagnostic()?;
     let records = Records::of(&log, &stack.launch.vehicle).into_diagnostic()?;
-    let mut summary = records.summary_of(&stack);
+    let mut summary = records.summary_of(stack);
     if let Some(mission) = ended {
         // The first log knows nothing of what came after its recorder's death.
-        summary.outcome = summary::outcome(&[mission]);
+        summary.outcome = summary::outcome(&[*mission]);
     }
     // The services have ended: what the estimate takes of this computer is nobody's time.
     let calibrates = stack.launch.schedule(Calibration::NAME).is_some() && summary.outcome == "done";
@@ -180,10 +200,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
         calibrated.print();
         calibrated.write(&stack.plant, &folder.join(CALIBRATED_FILE))?;
     }
-    if summary.outcome == "aborted" {
-        return Err(miette!("the mission was aborted; the events above and `fss log info` say why"));
-    }
-    Ok(())
+    Ok(summary)
 }
 
 /// A launch file; the laboratory's where none is named.
@@ -232,7 +249,7 @@ fn make_link_key(stack: &Stack, folder: &Path) -> Result<()> {
 }
 
 /// A flag that Ctrl-C and termination set.
-fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, stop.clone()).into_diagnostic()?;

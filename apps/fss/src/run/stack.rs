@@ -38,12 +38,12 @@ const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.tom
 const DEFAULT_PLANT: &str = include_str!("../../../../deploy/etc/plants/fss.toml");
 
 /// Names of the three files in a run's folder.
-const LAUNCH_FILE: &str = "launch.toml";
-const PLANT_FILE: &str = "plant.toml";
-const MISSION_FILE: &str = "mission.toml";
+pub const LAUNCH_FILE: &str = "launch.toml";
+pub const PLANT_FILE: &str = "plant.toml";
+pub const MISSION_FILE: &str = "mission.toml";
 const FAULTS_FILE: &str = "faults.toml";
 /// The laboratory's own plant file, which may be another than the services believe.
-const LABORATORY_FILE: &str = "laboratory.toml";
+pub const LABORATORY_FILE: &str = "laboratory.toml";
 
 /// A stack's files and what they say.
 #[derive(Clone)]
@@ -66,6 +66,17 @@ pub struct Stack {
     pub mission_text: String,
     /// The plant of the simulated laboratory and its file's text, where it is another.
     laboratory: Option<(Plant, String)>,
+}
+
+/// What a stack's files say, as far as a campaign may vary it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Texts {
+    /// Of the plant file.
+    pub plant: String,
+    /// Of the mission file.
+    pub mission: String,
+    /// Of the laboratory's own plant file, where it has one.
+    pub laboratory: Option<String>,
 }
 
 impl Stack {
@@ -214,6 +225,30 @@ impl Stack {
                 let phase = self.mission.phase(state.phase as usize);
                 phase.map_or_else(|| format!("phase {}", state.phase + 1), |phase| phase.name.clone())
             }
+        }
+    }
+
+    /// The same with other texts of its plant, mission and laboratory; `change` says in errors what is other.
+    ///
+    /// # Errors
+    /// Where they make no sense, with the line and what to do.
+    pub fn with_texts(&self, texts: Texts, change: &str) -> Result<Self> {
+        let file = |name: &str, text: String| TextFile { path: PathBuf::from(format!("{name} with {change}")), text };
+        let launch = TextFile { path: PathBuf::from(LAUNCH_FILE), text: self.launch_text.clone() };
+        let (plant, mission) = (file(PLANT_FILE, texts.plant), file(MISSION_FILE, texts.mission));
+        let stack = Self::parse(&launch, &plant, &mission, self.mission_name.clone())?;
+        match texts.laboratory {
+            Some(text) => stack.with_laboratory(file(LABORATORY_FILE, text)),
+            None => Ok(stack),
+        }
+    }
+
+    /// The texts that [`Self::with_texts`] replaces.
+    pub fn texts(&self) -> Texts {
+        Texts {
+            plant: self.plant_text.clone(),
+            mission: self.mission_text.clone(),
+            laboratory: self.laboratory.as_ref().map(|(_, text)| text.clone()),
         }
     }
 

@@ -5,6 +5,7 @@ use super::stack::Stack;
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
 use fss_records::log::{Log, LogError, Samples, TopicInfo};
 use serde::Serialize;
+use std::any::Any;
 use std::collections::BTreeMap;
 
 /// A run's figures; what is not in the log is absent.
@@ -103,6 +104,7 @@ pub struct ServiceFigures {
 }
 
 /// What a log holds of a run, as far as its figures need it.
+#[derive(Default)]
 pub struct Records {
     topics: Vec<TopicInfo>,
     truth: Vec<TruthState>,
@@ -136,6 +138,18 @@ impl Records {
             health: health.samples,
             events: events.samples,
         })
+    }
+
+    /// Adds a topic; of its samples, a `Vec`, those that the figures need.
+    pub fn add(&mut self, topic: TopicInfo, samples: Box<dyn Any>) {
+        let at = self.topics.partition_point(|other| other.topic < topic.topic);
+        self.topics.insert(at, topic);
+        let _of_no_figure = put(samples, &mut self.truth)
+            .or_else(|samples| put(samples, &mut self.nav))
+            .or_else(|samples| put(samples, &mut self.states))
+            .or_else(|samples| put(samples, &mut self.arm))
+            .or_else(|samples| put(samples, &mut self.health))
+            .or_else(|samples| put(samples, &mut self.events));
     }
 
     /// The truth from when the mission began to fly its phases.
@@ -258,6 +272,11 @@ impl Summary {
             println!("warning            {warning}");
         }
     }
+}
+
+/// Puts samples where they belong if they are of that kind; else gives them back.
+fn put<T: Sample>(samples: Box<dyn Any>, place: &mut Vec<T>) -> Result<(), Box<dyn Any>> {
+    samples.downcast().map(|samples| *place = *samples)
 }
 
 fn number(value: Option<f64>, scale: f64, digits: usize) -> String {

@@ -37,6 +37,9 @@ pub enum LogError {
         /// What the MCAP library said.
         source: mcap::McapError,
     },
+    /// A table could not be written.
+    #[error(transparent)]
+    Table(crate::table::TableError),
     /// A topic holds another sample, or another version of it.
     #[error("{path}: topic {topic} does not hold this build's {sample}: {reason}", path = path.display())]
     Sample {
