@@ -4,7 +4,11 @@
 mod common;
 
 use common::{json, refused, succeed};
+use fss_records::log::Log;
 use serde_json::Value;
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::Path;
 
 /// Flies fast and writes the report; gives the page and the summary.
@@ -81,6 +85,41 @@ fn the_report_of_a_capture_shows_why_to_believe_it() {
     assert!((cells[0] + cells[1] - cells[2]).abs() < 1e-4, "{cells:?}");
     let picture = std::fs::read_to_string(folder.path().join("out/run.svg")).unwrap();
     assert!(picture.contains("target"), "the run's own picture has the target too");
+}
+
+/// The log as a real laboratory would have left it.
+fn without_truth(from: &Path, to: &Path) {
+    let (log, bytes) = (Log::open(from).unwrap(), std::fs::read(from).unwrap());
+    let mut writer = mcap::Writer::new(BufWriter::new(File::create(to).unwrap())).unwrap();
+    for name in ["plant.toml", "launch.toml", "mission.toml"] {
+        let text = log.attachment(name).unwrap().unwrap();
+        let (data, media_type) = (Cow::Owned(text.into_bytes()), "application/toml".to_owned());
+        writer
+            .attach(&mcap::Attachment { log_time: 0, create_time: 0, name: name.to_owned(), media_type, data })
+            .unwrap();
+    }
+    for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
+        if message.channel.topic != "/truth/state" {
+            writer.write(&message).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_log_of_a_real_laboratory_has_a_report_too_and_claims_no_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, _) = reported(folder.path(), &["slew"]);
+    let (blind, page) = (folder.path().join("blind.mcap"), folder.path().join("blind.html"));
+    without_truth(&folder.path().join("out/run.mcap"), &blind);
+    succeed(&["report", blind.to_str().unwrap(), "--out", page.to_str().unwrap()]);
+    let page = std::fs::read_to_string(page).unwrap();
+    is_self_contained(&page);
+    says(
+        &page,
+        &["flew all its phases", "From navigation and telemetry", "no truth to compare with", "base heading, deg"],
+    );
+    assert!(!page.contains("gas used, g") && told.contains("gas used, g"), "gas is the laboratory's knowledge");
 }
 
 #[test]

@@ -10,8 +10,8 @@ use std::fmt::Write;
 
 /// Height of a strip, in the picture's own units.
 const HEIGHT: f64 = 78.0;
-/// From a log's start until the filter's own bound is drawn, s.
-const SETTLES_S: f64 = 1.0;
+/// While the filter settles or coasts its bound is far out: it is cut off at so many times the largest error.
+const BOUND_CUT: f64 = 3.0;
 
 /// Strips over the whole flight, with the phases through them.
 pub fn strips(flight: &Flight, span_s: [f64; 2]) -> Strips {
@@ -109,9 +109,7 @@ pub fn navigation(html: &mut String, flight: &Flight, figures: Option<&Navigatio
         for i in 0..3 {
             let t_s = flight.seconds(nav.stamp_ns);
             errors[i].push((t_s, error[i] * scale[i]));
-            // While the filter settles its bound would set the scale.
-            let bound = if t_s < SETTLES_S { f64::NAN } else { 3.0 * nav.std[i] * scale[i] };
-            bounds[i].push((t_s, bound));
+            bounds[i].push((t_s, 3.0 * nav.std[i] * scale[i]));
         }
     }
     let _ = write!(
@@ -125,6 +123,8 @@ pub fn navigation(html: &mut String, flight: &Flight, figures: Option<&Navigatio
     for ((title, error), bound) in
         ["error in x, mm", "error in y, mm", "error in heading, deg"].into_iter().zip(errors).zip(bounds)
     {
+        let cut = BOUND_CUT * error.iter().map(|(_, v)| v.abs()).fold(1e-9, f64::max);
+        let bound: Vec<_> = bound.into_iter().map(|(t, v)| (t, v.min(cut))).collect();
         let below = bound.iter().map(|(t, v)| (*t, -v)).collect();
         let lines = [
             Line { name: "three standard deviations of the filter", colour: "#8aa9c4", points: bound },

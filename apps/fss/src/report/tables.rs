@@ -31,6 +31,10 @@ pub fn verdict(html: &mut String, flight: &Flight, summary: &Summary) {
             _ => " The target was not captured.".to_owned(),
         };
         text.push_str(&how);
+    } else if flight.stack.mission.target.is_some() {
+        let held = flight.records.states().last().is_some_and(|state| state.target_held != 0);
+        let believed = if held { "holds" } else { "does not hold" };
+        let _ = write!(text, " The arm says that it {believed} the target; without truth the log cannot prove it.");
     }
     if !flight.is_complete {
         text.push_str(" The log was cut off: its recorder died or the file was damaged.");

@@ -8,13 +8,13 @@ const SILENT_MS = 2000;
 const MOST_LIVE = 20000;
 const byId = (id) => document.getElementById(id);
 const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-const escapeHatch = (message) => {
+const fail = (message) => {
   byId("mode").textContent = message;
   byId("mode").className = "pill bad";
   document.body.dataset.error = message;
 };
-window.addEventListener("error", (e) => escapeHatch(e.message));
-window.addEventListener("unhandledrejection", (e) => escapeHatch(String(e.reason)));
+window.addEventListener("error", (e) => fail(e.message));
+window.addEventListener("unhandledrejection", (e) => fail(String(e.reason)));
 
 const json = async (path) => {
   const answer = await fetch(path);
@@ -95,7 +95,7 @@ function tables() {
     tr.title = h.real_time ? "real-time scheduling" : "normal scheduling";
     return tr;
   });
-  const none = make("tr", "none reported: on a virtual clock no service can be late");
+  const none = make("tr", scene.live ? "none heard yet" : "none reported: on a virtual clock no service can be late");
   byId("health").replaceChildren(...(rows.length ? [head, ...rows] : [none]));
   const events = flight.events.slice(-200).map((e) => {
     const tr = document.createElement("tr");
