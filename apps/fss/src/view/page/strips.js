@@ -101,7 +101,8 @@ function plot(c, chart, frames, current, x, top, height, width) {
   [low, high] = [(low + high) / 2 - half, (low + high) / 2 + half];
   const y = (v) => top + TITLE + (height * (high - v)) / (high - low);
   c.textAlign = "right";
-  for (const [value, label] of ticks(low, high, Math.max(2, Math.floor(height / 18)))) {
+  const few = ticks(low, high, Math.max(2, Math.floor(height / 18)));
+  for (const [value, label] of few.length > 1 ? few : ticks(low, high, 5)) {
     c.strokeStyle = value === 0 ? "#aaa" : "#ececea";
     c.beginPath();
     c.moveTo(LEFT, y(value));
