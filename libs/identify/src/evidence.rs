@@ -18,6 +18,12 @@ const ROUNDS: usize = 8;
 /// The same, from where another trial left them.
 const ROUNDS_AGAIN: usize = 2;
 
+/// Where another trial asks a window's own unknowns to move by more than this (square, in standard deviations), they do: what
+/// is linear near by is not so far away.
+const FAR: f64 = 25.0;
+/// And at most so often.
+const ROUNDS_FAR: usize = 3;
+
 /// A step that leaves less than this share of the sum of squares was long enough to linearize anew.
 const MUCH_BETTER: f64 = 0.5;
 
@@ -41,6 +47,8 @@ pub(crate) struct Cell {
     pub(crate) unknowns: Vec<f64>,
     /// Orthonormal columns: what the window's own unknowns can do to the whitened rows.
     absorbed: DMatrix<f64>,
+    /// What these columns mean for the unknowns.
+    to_unknowns: DMatrix<f64>,
     /// How much each row counts, once what the unknowns can do is taken off.
     weights: DVector<f64>,
     /// What is left of the whitened residual.
@@ -71,16 +79,23 @@ impl Evidence {
         Ok(())
     }
 
-    /// The same cells under another trial: fitted anew where motion is chaotic, else with the unknowns of before.
+    /// The same cells under another trial: fitted anew where motion is chaotic, else with the unknowns of before, or near them.
     pub(crate) fn under(&self, trial: &Trial) -> Result<Vec<Cell>, ModelError> {
         if self.records.iter().any(|r| r.is_chaotic()) {
             return cells(&self.records, trial, &self.cells, ROUNDS_AGAIN);
         }
-        let mut out = self.cells.clone();
-        for (cell, residual) in out.iter_mut().zip(self.residuals(trial, &self.cells)?) {
-            cell.residual = residual;
-        }
-        Ok(out)
+        let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
+            let flight = self.records[r].flight(trial)?;
+            let spans = self.records[r].spans();
+            let of = |cell: &Cell| {
+                let rows =
+                    |unknowns: &Vec<f64>| flight.residuals(cell.window, std::slice::from_ref(unknowns)).remove(0);
+                cell.moved(&spans[cell.window], &rows)
+            };
+            Ok(self.cells.iter().filter(|c| c.record == r).map(of).collect())
+        };
+        let parts: Result<Vec<_>, _> = (0..self.records.len()).into_par_iter().map(of_record).collect();
+        Ok(parts?.into_iter().flatten().collect())
     }
 
     /// Projected residuals of all cells under a trial, the windows' own unknowns as in `cells`.
@@ -161,7 +176,8 @@ impl Cell {
                 continue;
             }
             last = now;
-            let (absorbed, step) = least_squares(jacobian, &residual)?;
+            let (absorbed, to_unknowns) = basis(jacobian)?;
+            let step = &to_unknowns * absorbed.tr_mul(&residual);
             let left = &residual - &absorbed * (absorbed.transpose() * &residual);
             let converged = now - left.norm_squared() < 1e-3 * now + 1e-3;
             cell = Some(Self {
@@ -171,6 +187,7 @@ impl Cell {
                 to_s: span.to_s,
                 unknowns: unknowns.clone(),
                 absorbed,
+                to_unknowns,
                 weights: DVector::from_element(residual.len(), 1.0),
                 residual: left,
                 freedom: (residual.len() as f64 - n as f64).max(1.0),
@@ -193,6 +210,30 @@ impl Cell {
     pub(crate) fn weigh(&mut self, weights: DVector<f64>) {
         self.residual.component_mul_assign(&weights);
         self.weights = weights;
+    }
+
+    /// The cell where `rows` gives another trial's rows for its own unknowns: these move along, as the Jacobian says that was
+    /// found when they were fitted.
+    fn moved(&self, span: &Span, rows: &dyn Fn(&Vec<f64>) -> Vec<f64>) -> Self {
+        let mut cell = self.clone();
+        let mut all = whitened(span, &cell.unknowns, &rows(&cell.unknowns));
+        let mut asked = cell.absorbed.tr_mul(&all);
+        for _ in 0..ROUNDS_FAR {
+            if asked.norm_squared() < FAR {
+                break;
+            }
+            let step = &cell.to_unknowns * &asked;
+            let unknowns: Vec<f64> = cell.unknowns.iter().zip(step.iter()).map(|(u, by)| u + by).collect();
+            let there = whitened(span, &unknowns, &rows(&unknowns));
+            let still = cell.absorbed.tr_mul(&there);
+            // Where the Jacobian of before leads nowhere, the linear answer from there has to do.
+            if !still.norm_squared().is_finite() || still.norm_squared() > 0.5 * asked.norm_squared() {
+                break;
+            }
+            (cell.unknowns, all, asked) = (unknowns, there, still);
+        }
+        cell.residual = (all - &cell.absorbed * asked).component_mul(&cell.weights);
+        cell
     }
 
     /// Whitens rows and takes off what the window's own unknowns absorb.
@@ -229,10 +270,11 @@ fn linearized(span: &Span, unknowns: &[f64], residuals: &Residuals) -> (DMatrix<
     (jacobian, residual)
 }
 
-/// An orthonormal basis of the columns and the least-squares solution; `None` without full rank.
-fn least_squares(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
-    if jacobian.ncols() == 0 {
-        return Some((DMatrix::zeros(jacobian.nrows(), 0), DVector::zeros(0)));
+/// An orthonormal basis of the columns, and what it means for the unknowns; `None` without full rank.
+fn basis(jacobian: &DMatrix<f64>) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let n = jacobian.ncols();
+    if n == 0 {
+        return Some((DMatrix::zeros(jacobian.nrows(), 0), DMatrix::zeros(0, 0)));
     }
     let scale: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
     if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
@@ -244,10 +286,12 @@ fn least_squares(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<(DM
     }
     let qr = scaled.qr();
     let (q, r) = (qr.q(), qr.r());
-    let mut solution = q.transpose() * residual;
-    if !r.solve_upper_triangular_mut(&mut solution) {
+    let mut to_unknowns = DMatrix::identity(n, n);
+    if !r.solve_upper_triangular_mut(&mut to_unknowns) {
         return None;
     }
-    solution.iter_mut().zip(&scale).for_each(|(x, s)| *x /= s);
-    Some((q, solution))
+    for (mut row, s) in to_unknowns.row_iter_mut().zip(&scale) {
+        row /= *s;
+    }
+    Some((q, to_unknowns))
 }

@@ -1,27 +1,36 @@
 //! Twin flights: how much an effect does to the sensors.
 //!
 //! The experiments are commanded open loop, so every laboratory is told the same. Their commands are played twice without
-//! noise and with the room's air at rest, with and without the effect. The difference of what the sensors show is divided
-//! by their noise; a window's initial state takes off what it can (base, end-effector and gyro together: a rigid shift,
-//! turn and drift). What is left, as RMS over all runs of the channel that shows most of it, is the *dose*, over the RMS of
-//! noise and of what the room's air does to the same channel.
+//! noise and with the room's air at rest, with and without the effect. What the measured motion of the arm explains under the
+//! nominal model is taken off each: a joint that moves otherwise because its servo does is seen by its encoder, and is no
+//! effect. So are the torques of a joint at rest, which are those that happened to stick. The difference of what is left is
+//! divided by the sensors' noise; a window's initial state takes off what it can. What remains, as RMS over all runs of the
+//! channel that shows most of it, is the *dose*, over the RMS of noise and of what the room's air does to the same channel.
 
 use crate::diagnose::commands::Commands;
-use fss_plant::{Effect, Instruments, Plant, Simulation};
+use fss_multibody::{Coordinates, JointVector, Model};
+use fss_plant::{Effect, Instruments, LinkSample, Plant, Simulation};
 use miette::{IntoDiagnostic, Result};
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
 
 /// Length of a window, s.
 const WINDOW_S: f64 = 5.0;
 /// Between two samples of base, end-effector and gyro, ms; and of telemetry, in those.
 const SAMPLE_MS: usize = 50;
 const TELEMETRY_EVERY: usize = 4;
-/// Base pose, end-effector pose, gyro.
+/// Centre of mass x and y, angle of the base less what the arm turned it; gyro less the same; end-effector x, y and angle,
+/// seen from the base, less where the encoders have it. Beyond them stand the drives: what friction takes of each torque.
 const FAST_CHANNELS: usize = 7;
+/// A joint that is slower than this is at rest, rad/s.
+const AT_REST_RAD_S: f64 = 0.03;
 
 /// The experiments, ready to be played on any laboratory of one plant.
 pub struct Twins {
+    /// As the laboratory believes to be.
+    nominal: Plant,
+    model: Model,
     flights: Vec<Commands>,
     noise: Vec<f64>,
     /// RMS of noise and air in each channel, over the noise.
@@ -83,14 +92,13 @@ impl Twins {
     pub fn new(plant: &Plant, flights: Vec<Commands>) -> Result<Self> {
         let s = &plant.sensors;
         let (p, a) = (s.mocap_position_m, s.mocap_angle_rad);
-        let mut noise = vec![p, p, a, p, p, a, s.gyro_rad_s];
-        for sd in [s.encoder_rad, s.encoder_rate_rad_s, s.current_a, s.torque_n_m] {
-            noise.extend(std::iter::repeat_n(sd, plant.link_count()));
-        }
+        let mut noise = vec![p, p, a, s.gyro_rad_s, p, p, a];
+        noise.extend(plant.links.iter().map(|link| s.torque_n_m.hypot(link.torque_constant_n_m_a * s.current_a)));
         for sd in &mut noise {
             *sd = sd.max(1e-9);
         }
-        let mut twins = Self { flights, noise, floor: Vec::new() };
+        let model = plant.model().into_diagnostic()?;
+        let mut twins = Self { nominal: plant.clone(), model, flights, noise, floor: Vec::new() };
         twins.floor = vec![1.0; twins.noise.len()];
         let still = twins.baseline(plant)?;
         let airy = twins.play(&quiet(plant, true))?;
@@ -125,28 +133,41 @@ impl Twins {
     }
 
     fn play(&self, plant: &Plant) -> Result<Vec<Seen>> {
-        self.flights.par_iter().map(|flight| Self::fly(plant, flight)).collect()
+        self.flights.par_iter().map(|flight| self.fly(plant, flight)).collect()
     }
 
-    fn fly(plant: &Plant, flight: &Commands) -> Result<Seen> {
+    fn fly(&self, plant: &Plant, flight: &Commands) -> Result<Seen> {
         let links = plant.link_count();
         let mut instruments = Instruments::new(links, 0);
-        let mut seen = Seen { channels: vec![Vec::new(); FAST_CHANNELS + 4 * links], farthest_m: 0.0 };
-        let mut samples = 0;
+        let mut seen = Seen { channels: vec![Vec::new(); FAST_CHANNELS + links], farthest_m: 0.0 };
+        let (mut samples, mut last, mut turned_rad) = (0, None, 0.0);
         let see = |simulation: &Simulation| {
             let base = instruments.mocap_base(simulation).unwrap_or_default();
-            let ee = instruments.mocap_end_effector(simulation).unwrap_or_default();
-            let gyro = instruments.gyro(simulation);
-            let fast = base.into_iter().chain(ee).chain([gyro]);
+            let ee = instruments.mocap_end_effector(simulation).filter(|_| links > 0);
+            let drives: Vec<_> = (0..links).map(|i| instruments.link(simulation, i)).collect();
+            let joints = |of: fn(&LinkSample) -> f64| JointVector::from_fn(|i, _| drives.get(i).map_or(0.0, of));
+            let (q_rad, qd_rad_s) = (joints(|link| link.q_rad), joints(|link| link.qd_rad_s));
+            let reaction = |q_rad: &JointVector| self.model.reaction_vector(&placed([0.0; 3], q_rad));
+            let before = last.replace(q_rad).unwrap_or(q_rad);
+            turned_rad += reaction(&(0.5 * (before + q_rad))).dot(&(q_rad - before));
+            let center = self.model.center_of_mass(&placed(base, &q_rad));
+            let gyro = instruments.gyro(simulation) - reaction(&q_rad).dot(&qd_rad_s);
+            let off = ee.map_or([0.0; 3], |ee| {
+                let expected = self.model.end_effector(&placed(base, &q_rad));
+                let (sin, cos) = base[2].sin_cos();
+                let (x, y) = (ee[0] - expected.x, ee[1] - expected.y);
+                [cos * x + sin * y, cos * y - sin * x, wrapped(ee[2] - expected.z)]
+            });
+            let fast = [center.x, center.y, base[2] - turned_rad, gyro].into_iter().chain(off);
             seen.channels.iter_mut().zip(fast).for_each(|(channel, value)| channel.push(value));
             seen.farthest_m = seen.farthest_m.max(base[0].abs()).max(base[1].abs());
             if samples % TELEMETRY_EVERY == 0 {
-                for i in 0..links {
-                    let link = instruments.link(simulation, i);
-                    let values = [link.q_rad, link.qd_rad_s, link.current_a, link.torque_nm];
-                    for (k, value) in values.into_iter().enumerate() {
-                        seen.channels[FAST_CHANNELS + k * links + i].push(value);
-                    }
+                let believed = &self.nominal.links;
+                for ((channel, link), believed) in seen.channels[FAST_CHANNELS..].iter_mut().zip(&drives).zip(believed)
+                {
+                    let moves = link.qd_rad_s.abs() > AT_REST_RAD_S;
+                    let lost_n_m = believed.torque_constant_n_m_a * link.current_a - link.torque_nm;
+                    channel.push(if moves { lost_n_m } else { f64::NAN });
                 }
             }
             samples += 1;
@@ -162,8 +183,10 @@ impl Twins {
             farthest_m: seen.iter().map(|seen| seen.farthest_m).fold(0.0, f64::max),
         };
         for (without, with) in baseline.0.iter().zip(seen) {
+            // What was not there in both is no difference.
+            let over = |a: f64, b: f64, sd: f64| Some((b - a) / sd).filter(|d| d.is_finite()).unwrap_or(0.0);
             let mut differences: Vec<Vec<f64>> = (without.channels.iter().zip(&with.channels).zip(&self.noise))
-                .map(|((a, b), sd)| a.iter().zip(b).map(|(a, b)| (b - a) / sd).collect())
+                .map(|((a, b), sd)| a.iter().zip(b).map(|(a, b)| over(*a, *b, *sd)).collect())
                 .collect();
             self.take_off_initial_states(&without.channels, &mut differences);
             for ((channel, difference), floor) in all.channels.iter_mut().zip(&differences).zip(&self.floor) {
@@ -173,7 +196,7 @@ impl Twins {
         all
     }
 
-    /// Fits a rigid shift, turn and drift to each window of base, end-effector and gyro, and takes it off.
+    /// Fits a rigid shift, turn and drift to each window of the vehicle's motion, and takes it off.
     fn take_off_initial_states(&self, seen: &[Vec<f64>], differences: &mut [Vec<f64>]) {
         let length = (WINDOW_S * 1e3) as usize / SAMPLE_MS;
         let count = differences[0].len();
@@ -196,24 +219,33 @@ impl Twins {
         }
     }
 
-    /// What another initial state does to the fast channels at sample `k`, over the noise: a shift x, y, a turn of all that
-    /// follows about where the base was, and their rates.
-    fn rows(&self, seen: &[Vec<f64>], from: usize, k: usize) -> [Vector6<f64>; FAST_CHANNELS] {
+    /// What another initial state does to the first channels at sample `k`, over the noise: a shift x, y, a turn of all that
+    /// follows about where the centre of mass was, and their rates.
+    fn rows(&self, seen: &[Vec<f64>], from: usize, k: usize) -> [Vector6<f64>; 4] {
         let t_s = (k - from) as f64 * SAMPLE_MS as f64 * 1e-3;
-        let (x, y) = (seen[0][from], seen[1][from]);
-        let (way_x, way_y, tip_x, tip_y) = (seen[0][k] - x, seen[1][k] - y, seen[3][k] - x, seen[4][k] - y);
+        let (way_x, way_y) = (seen[0][k] - seen[0][from], seen[1][k] - seen[1][from]);
         let row = |x: f64, y: f64, turn: f64, sd: f64| Vector6::new(x, y, turn, x * t_s, y * t_s, turn * t_s) / sd;
         let n = &self.noise;
         [
             row(1.0, 0.0, -way_y, n[0]),
             row(0.0, 1.0, way_x, n[1]),
             row(0.0, 0.0, 1.0, n[2]),
-            row(1.0, 0.0, -tip_y, n[3]),
-            row(0.0, 1.0, tip_x, n[4]),
-            row(0.0, 0.0, 1.0, n[5]),
-            Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 1.0) / n[6],
+            Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 1.0) / n[3],
         ]
     }
+}
+
+/// The arm at these joint angles on a base at this pose.
+fn placed(base: [f64; 3], q_rad: &JointVector) -> Coordinates {
+    let mut q = Coordinates::zeros();
+    q.as_mut_slice()[..3].copy_from_slice(&base);
+    q.as_mut_slice()[3..].copy_from_slice(q_rad.as_slice());
+    q
+}
+
+/// An angle between -pi and pi.
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
 }
 
 /// The plant with perfect sensors, its air at rest unless asked for.

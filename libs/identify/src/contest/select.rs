@@ -2,9 +2,11 @@
 
 use super::screen::Screened;
 use super::{Contest, Refined};
+use crate::evidence::Cell;
 use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
+use nalgebra::DVector;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -30,8 +32,9 @@ const LEAST_SHARE_OF_ONSET: f64 = 0.4;
 const NEARLY_ALL: f64 = 1.25;
 /// What a left-out run must keep of the gain.
 const LEAST_KEPT: f64 = 0.3;
-/// Mean square by which whitened rows may move before everything is linearized anew.
-const FAR: f64 = 2.0;
+/// Mean square by which whitened rows of a window may move before everything is linearized anew, and how often that is done.
+const FAR: f64 = 1.0;
+const MOST_CENTRES: usize = 3;
 /// So many of the best in the screen are asked anew then; what the others would do is taken to be as before.
 const ASKED_ANEW: usize = 50;
 /// How many of its standard deviations one of several causes must be away from nothing.
@@ -88,7 +91,10 @@ impl Contest {
             let Some(best) = contest.iter().find(|next| self.insists(&after, next)) else { break };
             after = best.clone();
             rivals.push(contest);
-            if self.is_far(&centre, &after) {
+            for _ in 0..MOST_CENTRES {
+                if !self.is_far(&centre, &after) {
+                    break;
+                }
                 say("fitting the windows anew");
                 let near = self.screen(&after.residuals, &after.hypotheses).into_iter().take(ASKED_ANEW);
                 let mut asked: Vec<usize> = near.map(|s| s.hypothesis).chain(after.hypotheses.clone()).collect();
@@ -122,8 +128,10 @@ impl Contest {
 
     /// Whether the rows have moved so far that what was linear around `centre` is so no more.
     fn is_far(&self, centre: &Refined, now: &Refined) -> bool {
-        let moved: f64 = centre.residuals.iter().zip(&now.residuals).map(|(a, b)| (a - b).norm_squared()).sum();
-        !self.is_chaotic() && moved > FAR * now.freedom
+        let cells = centre.residuals.iter().zip(&now.residuals).zip(&self.evidence.cells);
+        let moved =
+            |((a, b), cell): ((&DVector<f64>, &DVector<f64>), &Cell)| (a - b).norm_squared() > FAR * cell.freedom;
+        !self.is_chaotic() && cells.map(moved).any(|far| far)
     }
 
     /// The best of the screen, each refitted beside the causes taken already; best first.
