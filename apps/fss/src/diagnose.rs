@@ -77,7 +77,7 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
 fn nothing_to_simulate(runs: &[Run]) -> miette::Report {
     let names: Vec<&str> = runs.iter().map(|r| r.name.as_str()).collect();
     miette!(
-        help = "a floating base needs base_pose.csv; a clamped arm needs angles and rates of all joints in joints.csv; \
+        help = "a floating base needs base_pose.csv; a clamped arm needs angles and rates of all joints in joints.csv, and their currents where drivers moved it; \
                 and a run has to last a second or more",
         "none of the runs ({}) has a channel that can be simulated",
         names.join(", ")

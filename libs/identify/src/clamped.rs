@@ -2,7 +2,7 @@
 
 use crate::measured::{Drive, Joints, Run};
 use crate::trial::{Flight, Record, RowInfo, Span, Trial, Whitened};
-use fss_multibody::ModelError;
+use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointCommand, Place, Plant, Simulation};
 use std::ops::Range;
 
@@ -32,6 +32,9 @@ impl Clamped {
         let links = trial.plant.link_count();
         let joints =
             run.joints.as_ref().filter(|j| j.q_rad.len() >= links && j.qd_rad_s.len() >= links && links > 0)?;
+        if !run.tells_what_drives() {
+            return None;
+        }
         let mut windows = Vec::new();
         let mut from = 0;
         while from < joints.t_s.len() {
@@ -44,19 +47,45 @@ impl Clamped {
         let stride = windows.len().div_ceil(MOST_WINDOWS).max(1);
         let windows: Vec<Range<usize>> = windows.into_iter().step_by(stride).collect();
         let channels = (1..=links).map(|i| format!("q{i}")).chain((1..=links).map(|i| format!("qd{i}"))).collect();
-        let spans = windows.iter().map(|w| span(&trial.plant, joints, w)).collect();
+        let spans = windows.iter().map(|w| span(&trial.plant, run.drive, joints, w)).collect();
         let (name, joints) = (run.name.clone(), joints.clone());
         Some(Self { name, joints, drive: run.drive, links, channels, windows, spans })
     }
 }
 
-fn span(plant: &Plant, joints: &Joints, window: &Range<usize>) -> Span {
+/// How fast the square of each joint's rate wanders off where its drive is known by noisy currents, rad^2/s^3: they are what
+/// the simulation is driven by.
+fn wander(plant: &Plant, drive: Drive, joints: &Joints, window: &Range<usize>) -> Vec<f64> {
+    let links = plant.link_count();
+    let still = vec![0.0; links];
+    let (Ok(model), false) = (plant.model(), drive == Drive::Free || joints.current_a.is_empty()) else { return still };
+    let mut q = Coordinates::zeros();
+    for (i, angle) in joints.q_rad.iter().take(links).enumerate() {
+        q[3 + i] = angle[window.start];
+    }
+    let arm = model.mass_matrix(&q).view((3, 3), (links, links)).into_owned();
+    let Some(inverse) = arm.try_inverse() else { return still };
+    let interval_s = (joints.t_s[window.end - 1] - joints.t_s[window.start]) / (window.len() - 1).max(1) as f64;
+    let torque_n_m = |j: usize| plant.links[j].torque_constant_n_m_a * plant.sensors.current_a;
+    (0..links)
+        .map(|i| (0..links).map(|j| (inverse[(i, j)] * torque_n_m(j)).powi(2)).sum::<f64>() * interval_s)
+        .collect()
+}
+
+fn span(plant: &Plant, drive: Drive, joints: &Joints, window: &Range<usize>) -> Span {
     let links = plant.link_count();
     let sd = [plant.sensors.encoder_rad.max(1e-7), plant.sensors.encoder_rate_rad_s.max(1e-6)];
+    let wander = wander(plant, drive, joints, window);
+    let middle_s = 0.5 * (joints.t_s[window.start] + joints.t_s[window.end - 1]);
+    let variance = |k: usize, i: usize| {
+        let away_s = (joints.t_s[k] - middle_s).abs();
+        let grows = if i < links { away_s.powi(3) / 3.0 } else { away_s };
+        sd[i / links].powi(2) + wander[i % links] * grows
+    };
     let mut rows = Vec::new();
     for k in window.clone() {
         for i in 0..2 * links {
-            rows.push(RowInfo { channel: i, t_s: joints.t_s[k], variance: sd[i / links].powi(2) });
+            rows.push(RowInfo { channel: i, t_s: joints.t_s[k], variance: variance(k, i) });
         }
     }
     let mut whitening = Vec::new();
@@ -64,7 +93,9 @@ fn span(plant: &Plant, joints: &Joints, window: &Range<usize>) -> Span {
     while from < window.end {
         let to = joints.t_s.partition_point(|t| *t < joints.t_s[from] + BIN_S - 1e-6).clamp(from + 1, window.end);
         for i in 0..2 * links {
-            let weight = 1.0 / (sd[i / links] * ((to - from) as f64).sqrt());
+            // Samples of a bin share how far the motion has wandered off, and have a noise each.
+            let (own, count) = (sd[i / links].powi(2), (to - from) as f64);
+            let weight = 1.0 / (count * own + count * count * (variance(from, i) - own)).sqrt();
             let row = |k: usize| (((k - window.start) * 2 * links + i) as u32, weight);
             whitening.push(Whitened { channel: i, sum: (from..to).map(row).collect() });
         }
@@ -132,21 +163,23 @@ impl ClampedFlight<'_> {
             }
             out.extend((0..n).map(|i| joints.qd_rad_s[i][k] - physics.joints[i].encoder_scale * truth.qd_rad_s[i]));
             if k + 1 < window.end {
-                self.drive(&mut simulation, k);
+                drive(&mut simulation, self.record.drive, joints, k);
                 simulation.step(joints.t_s[k + 1] - joints.t_s[k]);
             }
         }
         out
     }
+}
 
-    fn drive(&self, simulation: &mut Simulation, k: usize) {
-        for i in 0..self.record.links {
-            let current = self.record.joints.current_a.get(i).map(|values| values[k]);
-            let command = match (self.record.drive, current) {
-                (Drive::Free, _) | (_, None) => JointCommand::Free,
-                (_, Some(current_a)) => JointCommand::Current { current_a },
-            };
-            simulation.set_joint(i, command);
-        }
+/// Has the joints driven by their currents from sample `k` to the next: by their mean, since a current that is measured
+/// changes between its samples as angles do. Whoever commanded a joint, its current is what drove it.
+pub(crate) fn drive(simulation: &mut Simulation, drive: Drive, joints: &Joints, k: usize) {
+    for i in 0..simulation.physics().joints.len() {
+        let current = joints.current_a.get(i).map(|a| 0.5 * (a[k] + a.get(k + 1).unwrap_or(&a[k])));
+        let command = match (drive, current) {
+            (Drive::Free, _) | (_, None) => JointCommand::Free,
+            (_, Some(current_a)) => JointCommand::Current { current_a },
+        };
+        simulation.set_joint(i, command);
     }
 }

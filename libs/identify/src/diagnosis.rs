@@ -20,6 +20,12 @@ const ALL_EXPLAINED: f64 = 1.5;
 const DOUBTFUL: f64 = 2.0;
 /// Share of the misfit that causes must explain then.
 const MOST: f64 = 0.7;
+/// A cause is asserted from even chances on that it, or another in its place, is there.
+const EVEN: f64 = 0.5;
+/// A base of less than this share of its mass is one that was weighed.
+const LIGHT: f64 = 0.7;
+/// A prediction that is better by less is the same.
+const NO_WORSE: f64 = 1e-3;
 /// A second or later cause is asserted only if it is this probable among its rivals.
 const SURE: f64 = 0.7;
 
@@ -63,6 +69,14 @@ pub struct Cause {
     pub kept: f64,
     /// What else it could be, most probable first.
     pub alternatives: Vec<Alternative>,
+}
+
+impl Cause {
+    /// Probability that this cause, or another in its place, is there.
+    fn is_there(&self) -> f64 {
+        let others: f64 = self.alternatives.iter().map(|other| other.probability).sum();
+        self.probability / (1.0 - others.min(0.999))
+    }
 }
 
 /// Another cause in the place of an asserted one.
@@ -171,6 +185,18 @@ pub fn diagnose(
     }
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     progress("measuring the gain");
+    let misfit = |plant: &Plant, runs: &[Run]| -> Result<Vec<ChannelMisfit>, ModelError> {
+        let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
+        Ok(all?.into_iter().flatten().collect())
+    };
+    // A cause whose absence would make the prediction of new runs better explains the old ones only.
+    if let Some(idle) = idle(&contest.settled(&selection.after.nuisance), &causes, &|plant| misfit(plant, validation))?
+    {
+        suspects.push(causes.remove(idle));
+        if causes.is_empty() {
+            verdict = nothing_asserted(&contest, &selection.before);
+        }
+    }
     let asserted: Vec<Effect> = causes.iter().map(|c| c.effect.clone()).collect();
     let settled = contest.settled(&selection.before.nuisance);
     let extended = if asserted.is_empty() {
@@ -179,10 +205,6 @@ pub fn diagnose(
         let mut extended = contest.settled(&selection.after.nuisance);
         extended.effects.extend(asserted);
         extended
-    };
-    let misfit = |plant: &Plant, runs: &[Run]| -> Result<Vec<ChannelMisfit>, ModelError> {
-        let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
-        Ok(all?.into_iter().flatten().collect())
     };
     let (before, after) = (misfit(&settled, runs)?, misfit(&extended, runs)?);
     let (validation_before, validation_after) = (misfit(&settled, validation)?, misfit(&extended, validation)?);
@@ -200,8 +222,12 @@ pub fn diagnose(
         _ => None,
     };
     let (ranking, confusability) = ranking(&contest, &selection);
-    let settled =
-        contest.uncertain.iter().zip(selection.after.nuisance.iter()).map(|(u, z)| (u.name.clone(), *z)).collect();
+    let settled = contest
+        .uncertain
+        .iter()
+        .zip(contest.from_file(&selection.after.nuisance))
+        .map(|(u, z)| (u.name.clone(), z))
+        .collect();
     Ok(Diagnosis {
         remarks,
         input_mismatch,
@@ -273,9 +299,8 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
         .collect();
     let left = mean_square(&selection.after);
     let air = contest.air(&selection.after);
-    if all.is_empty() {
-        let quiet = left < CONSISTENT && stands_out(contest, selection) < CONSISTENT_CHANNEL && !air.is_too_strong();
-        return (if quiet { Verdict::Consistent } else { Verdict::Unexplained }, Vec::new(), Vec::new());
+    if all.iter().all(|cause| cause.is_there() < EVEN) {
+        return (nothing_asserted(contest, &selection.before), Vec::new(), all);
     }
     let excess = selection.before.chi2 - selection.before.freedom;
     let share = if excess > 0.0 { (selection.before.chi2 - selection.after.chi2) / excess } else { 1.0 };
@@ -283,11 +308,18 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
         return (Verdict::Unexplained, Vec::new(), all);
     }
     // Whatever still pushes the base may have lent its strength to a cause that pushes it too.
-    let pushed = air.is_too_strong() && air.excess() > (1.0 - MOST) * contest.air(&selection.before).excess();
+    let air_before = contest.air(&selection.before);
+    let pushed = air.is_too_strong() && air.excess() > (1.0 - MOST) * air_before.excess();
+    // A base that is taken to be light lets the room's air explain what really pushes it.
+    let nominal_kg = contest.trial.plant.base.mass_kg;
+    let is_light = |c: &Cause| c.effect.id() == "base_mass" && c.effect.values()[0] < LIGHT * nominal_kg;
+    let pushed = pushed || (air_before.is_too_strong() && all.iter().any(is_light));
     let is_doubtful =
         |c: &Cause| pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster);
-    let (asserted, doubtful): (Vec<_>, Vec<_>) =
-        all.into_iter().enumerate().partition(|(i, c)| !is_doubtful(c) && (*i == 0 || c.probability >= SURE));
+    let (asserted, doubtful): (Vec<_>, Vec<_>) = all
+        .into_iter()
+        .enumerate()
+        .partition(|(i, c)| !is_doubtful(c) && c.is_there() >= EVEN && (*i == 0 || c.probability >= SURE));
     let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
     let asserted = strip(asserted);
     if asserted.is_empty() {
@@ -296,13 +328,42 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
     let whole = !air.is_too_strong()
         && left < ALL_EXPLAINED
         && doubtful.is_empty()
-        && stands_out(contest, selection) < 2.0 * CONSISTENT_CHANNEL;
+        && stands_out(contest, &selection.after) < 2.0 * CONSISTENT_CHANNEL;
     (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, asserted, strip(doubtful))
 }
 
-/// RMS over noise of the channel that stands out most from what the causes leave.
-fn stands_out(contest: &Contest, selection: &Selection) -> f64 {
-    contest.worst(&selection.after).map_or(0.0, |(_, _, rms)| rms)
+/// RMS over noise of the channel that stands out most from what is left.
+fn stands_out(contest: &Contest, refined: &Refined) -> f64 {
+    contest.worst(refined).map_or(0.0, |(_, _, rms)| rms)
+}
+
+/// The verdict where no cause is asserted and this is what is left.
+fn nothing_asserted(contest: &Contest, left: &Refined) -> Verdict {
+    let is_quiet = mean_square(left) < CONSISTENT
+        && stands_out(contest, left) < CONSISTENT_CHANNEL
+        && !contest.air(left).is_too_strong();
+    if is_quiet { Verdict::Consistent } else { Verdict::Unexplained }
+}
+
+/// Misfits of the validation runs under a plant.
+type Predicted<'a> = dyn Fn(&Plant) -> Result<Vec<ChannelMisfit>, ModelError> + 'a;
+
+/// The cause without which `plant` with the others predicts the validation runs best, if that is better than with it.
+fn idle(plant: &Plant, causes: &[Cause], misfit: &Predicted<'_>) -> Result<Option<usize>, ModelError> {
+    let without = |left_out: Option<usize>| -> Result<f64, ModelError> {
+        let mut plant = plant.clone();
+        let kept = causes.iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
+        plant.effects.extend(kept.map(|(_, cause)| cause.effect.clone()));
+        Ok(overall(&misfit(&plant)?))
+    };
+    let mut best = (None, (1.0 - NO_WORSE) * without(None)?);
+    for i in 0..causes.len() {
+        let ratio = without(Some(i))?;
+        if ratio < best.1 {
+            best = (Some(i), ratio);
+        }
+    }
+    Ok(best.0)
 }
 
 fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f64>>) {

@@ -5,7 +5,7 @@
 //! with `M` the projector, `J_i' M J_j` and `J_k' M r` hold all that a linear fit of any subset of changes needs. The
 //! sums over windows or runs are then as cheap as they are small.
 
-use crate::measured::{Drive, Run};
+use crate::measured::Run;
 use crate::misfit::Windows;
 use crate::trial::{Record, Span, Trial};
 use crate::{clamped::Clamped, floating::Floating};
@@ -62,8 +62,7 @@ impl Evidence {
     pub(crate) fn gather(trial: &Trial, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
         let mut records: Vec<Box<dyn Record>> = Vec::new();
         for run in runs {
-            let clamped = trial.plant.base.clamped && run.drive != Drive::Servo;
-            if clamped {
+            if trial.plant.base.clamped {
                 records.extend(Clamped::new(trial, run, windows.arm_s).map(|r| Box::new(r) as Box<dyn Record>));
             } else {
                 records.extend(Floating::new(trial, run, windows.base_s)?.map(|r| Box::new(r) as Box<dyn Record>));

@@ -49,7 +49,7 @@ impl Windows {
     /// What suits a plant and its runs: 5 s of a floating base; 0.5 s of an arm that is driven by a measured current, whose
     /// errors add up; 4.5 s of one free link and 2 s of several, whose motion is chaotic.
     pub fn suited_to(plant: &Plant, runs: &[Run]) -> Self {
-        let driven = runs.iter().any(|run| run.drive == Drive::Current);
+        let driven = runs.iter().any(|run| run.drive != Drive::Free);
         let arm_s = match (driven, plant.link_count()) {
             (true, _) => 0.5,
             (false, 1) => 4.5,
@@ -64,11 +64,7 @@ impl Windows {
 /// # Errors
 /// Where the plant's effects make a mass or an inertia impossible.
 pub fn of_run(plant: &Plant, run: &Run, windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
-    if plant.base.clamped && run.drive != Drive::Servo {
-        arm::misfit(plant, run, windows.arm_s)
-    } else {
-        base::misfit(plant, run, windows)
-    }
+    if plant.base.clamped { arm::misfit(plant, run, windows.arm_s) } else { base::misfit(plant, run, windows) }
 }
 
 /// Residuals of one channel as they are gathered.

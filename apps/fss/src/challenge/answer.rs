@@ -4,7 +4,7 @@
 //! answers in JSON. So no secret can leak to it.
 
 use super::hidden::Record;
-use crate::diagnose::read::{Cause, read};
+use crate::diagnose::read::{Cause, ONSET, read};
 use crate::files::this_program;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
@@ -43,8 +43,13 @@ fn record(cause: &Cause) -> Record {
         effect: cause.effect.clone(),
         index: cause.index,
         channel: cause.channel.clone(),
-        onset_s: cause.onset_s,
-        parameters: cause.parameters.iter().map(|(name, p)| (name.clone(), p.value)).collect(),
+        onset_s: cause.parameters.get(ONSET).map(|onset| onset.value),
+        parameters: cause
+            .parameters
+            .iter()
+            .filter(|(name, _)| *name != ONSET)
+            .map(|(name, p)| (name.clone(), p.value))
+            .collect(),
     }
 }
 

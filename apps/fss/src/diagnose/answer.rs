@@ -1,5 +1,6 @@
 //! The answer for a machine, `fss-diagnosis/1`.
 
+use super::read::ONSET;
 use fss_identify::diagnosis::{Cause, Diagnosis};
 use fss_plant::Effect;
 use serde::Serialize;
@@ -47,8 +48,6 @@ struct Named {
     index: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     channel: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    onset_s: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -142,26 +141,30 @@ fn cause(cause: &Cause) -> CauseAnswer {
     CauseAnswer {
         named: named(&cause.effect),
         probability: cause.probability,
-        parameters: values(&cause.effect).enumerate().map(parameter).collect(),
+        parameters: values(&cause.effect).enumerate().map(parameter).chain(onset(&cause.effect)).collect(),
         alternatives: cause
             .alternatives
             .iter()
             .map(|a| AlternativeAnswer {
                 named: named(&a.effect),
                 probability: a.probability,
-                parameters: values(&a.effect).map(|(name, value)| (name, Parameter { value, std: None })).collect(),
+                parameters: values(&a.effect).map(without_std).chain(onset(&a.effect)).collect(),
             })
             .collect(),
     }
 }
 
 fn named(effect: &Effect) -> Named {
-    Named {
-        effect: effect.id(),
-        index: effect.index(),
-        channel: effect.channel().map(str::to_owned),
-        onset_s: effect.onset_s(),
-    }
+    Named { effect: effect.id(), index: effect.index(), channel: effect.channel().map(str::to_owned) }
+}
+
+fn without_std((name, value): (&'static str, f64)) -> (&'static str, Parameter) {
+    (name, Parameter { value, std: None })
+}
+
+/// When the effect begins, where that is during a run.
+fn onset(effect: &Effect) -> Option<(&'static str, Parameter)> {
+    effect.onset_s().map(|onset_s| without_std((ONSET, onset_s)))
 }
 
 fn values(effect: &Effect) -> impl Iterator<Item = (&'static str, f64)> {

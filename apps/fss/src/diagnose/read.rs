@@ -31,6 +31,9 @@ pub struct Gain {
     pub ratio_after: Option<f64>,
 }
 
+/// Name of the parameter that says when an effect begins, s.
+pub const ONSET: &str = "onset_s";
+
 /// A cause, or another in its place.
 #[derive(Deserialize)]
 pub struct Cause {
@@ -40,8 +43,6 @@ pub struct Cause {
     pub index: Option<usize>,
     /// Which data stream.
     pub channel: Option<String>,
-    /// When it begins, s.
-    pub onset_s: Option<f64>,
     /// How sure the diagnosis is.
     pub probability: f64,
     /// Its values by name.
@@ -85,11 +86,12 @@ impl Cause {
         if let Some(channel) = &self.channel {
             effect = effect.on(channel);
         }
-        if let Some(onset_s) = self.onset_s {
-            effect = effect.from_onset(onset_s);
-        }
         for (name, parameter) in &self.parameters {
-            effect.set(name, parameter.value).into_diagnostic()?;
+            if name == ONSET {
+                effect = effect.from_onset(parameter.value);
+            } else {
+                effect.set(name, parameter.value).into_diagnostic()?;
+            }
         }
         Ok(effect)
     }

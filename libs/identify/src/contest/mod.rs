@@ -5,6 +5,7 @@ mod noise;
 mod refine;
 mod screen;
 mod select;
+mod settle;
 mod sides;
 mod weigh;
 
@@ -36,6 +37,8 @@ pub(crate) struct Contest {
     screen: Vec<Normal>,
     columns: Vec<DMatrix<f64>>,
     nuisance_count: usize,
+    /// How far the nuisances stand from where the plant file has them, in standard deviations.
+    moved: DVector<f64>,
     /// Mean square that whitened rows have where the plant is as right as it can be: 1 where nothing but noise is left,
     /// more where no cause explains all. Priors are weighed against it, or they would count for nothing.
     pub(crate) unit: f64,
@@ -73,11 +76,15 @@ impl Contest {
             screen: Vec::new(),
             columns,
             nuisance_count,
+            moved: DVector::zeros(nuisance_count),
             unit: 1.0,
             factor: None,
         };
         let all: Vec<usize> = (0..contest.hypotheses.len()).collect();
         contest.linearize(&[], &all)?;
+        if contest.is_chaotic() {
+            contest.settle(runs)?;
+        }
         contest.loosen();
         Ok(contest)
     }
@@ -143,7 +150,8 @@ impl Contest {
     pub(crate) fn reduce(&self, residuals: &[DVector<f64>], extra: &[Column]) -> Reduced {
         let (n, p) = (self.nuisance_count, extra.len());
         let mut normal = Normal::zero(p);
-        let mut right = DVector::zeros(n);
+        normal.c = self.unit * self.moved.norm_squared();
+        let mut right = -self.unit * &self.moved;
         let mut cross = DMatrix::zeros(n, p);
         for (i, residual) in residuals.iter().enumerate() {
             let own = self.columns[i].columns(0, n);
@@ -189,12 +197,17 @@ impl Contest {
         residuals.iter().zip(&self.columns).map(|(r, j)| r - j.columns(0, n) * nuisance).collect()
     }
 
+    /// The nuisances, counted from the plant file.
+    pub(crate) fn from_file(&self, nuisance: &DVector<f64>) -> Vec<f64> {
+        (nuisance + &self.moved).iter().copied().collect()
+    }
+
     /// The plant with its uncertain values where the nuisances put them.
     pub(crate) fn settled(&self, nuisance: &DVector<f64>) -> Plant {
         let mut plant = self.trial.plant.clone();
-        for (u, by) in self.uncertain.iter().zip(nuisance.iter()) {
+        for ((u, by), moved) in self.uncertain.iter().zip(nuisance.iter()).zip(self.moved.iter()) {
             // Far beyond its deviation an uncertain value would be a cause of its own.
-            plant = u.moved(&plant, by.clamp(-4.0, 4.0));
+            plant = u.moved(&plant, (moved + by).clamp(-4.0, 4.0) - moved);
         }
         plant.effects.clone_from(&self.trial.effects);
         plant

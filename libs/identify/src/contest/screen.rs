@@ -66,6 +66,9 @@ impl Contest {
             sum.c += residuals[i].norm_squared();
             sum.freedom += cell.freedom;
         }
+        let mut moved = sum.b.rows_mut(0, n);
+        moved -= self.unit * &self.moved;
+        sum.c += self.unit * self.moved.norm_squared();
         let absorbed = sum.absorbed(n, self.unit);
         let own: Vec<usize> = taken.iter().flat_map(|h| self.columns_of(*h)).collect();
         let before = absorbed.fit(&own).gain;

@@ -5,7 +5,7 @@ use super::{Contest, Refined};
 use crate::evidence::Cell;
 use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
-use fss_plant::Effect;
+use fss_plant::{Effect, Place};
 use nalgebra::DVector;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -19,8 +19,10 @@ const MOST_CONTESTANTS: usize = 14;
 const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
 /// What a cause must gain (fall of the sum of squares, in units of what noise and everything unexplained make of one degree
-/// of freedom) before anybody is told of it.
+/// of freedom) before anybody is told of it. What the arm does between two reports nobody knows, and causes that lie there
+/// gain from it; of those that act on the base every window tells anew.
 const LEAST_GAIN: f64 = 60.0;
+const LEAST_GAIN_AT_BASE: f64 = 30.0;
 /// More where its beginning was chosen too.
 const LEAST_GAIN_OF_ONSET: f64 = 100.0;
 /// A cause within so many of the deviations that go without saying is not worth a name.
@@ -142,7 +144,8 @@ impl Contest {
         } else {
             (CONTESTANTS, MOST_CONTESTANTS)
         };
-        let worth = |s: &&Screened| s.gain / noise > 0.5 * LEAST_GAIN && !taken.hypotheses.contains(&s.hypothesis);
+        let worth =
+            |s: &&Screened| s.gain / noise > 0.5 * least_gain(&s.effect) && !taken.hypotheses.contains(&s.hypothesis);
         let mut chosen: Vec<&Screened> = screen.iter().filter(worth).take(contestants).collect();
         if let Some(best) = chosen.first().copied() {
             let near: Vec<&Screened> = screen.iter().filter(worth).skip(contestants).take(40).collect();
@@ -185,7 +188,7 @@ impl Contest {
         let idle = self.hypotheses[next.hypotheses[last]].is_idle(&next.effects[last]);
         let (least, least_share) = match next.effects[last].onset_s() {
             Some(_) => (LEAST_GAIN_OF_ONSET, LEAST_SHARE_OF_ONSET),
-            None => (LEAST_GAIN, LEAST_SHARE),
+            None => (least_gain(&next.effects[last]), LEAST_SHARE),
         };
         !idle
             && self.sides_agree(next, last)
@@ -212,7 +215,7 @@ impl Contest {
             let mut dropped = None;
             for i in 0..after.hypotheses.len() {
                 let without = self.refine_without(&after, i)?;
-                if without.chi2 - after.chi2 < LEAST_GAIN * unit(&after) {
+                if without.chi2 - after.chi2 < least_gain(&after.effects[i]) * unit(&after) {
                     dropped = Some(without);
                     break;
                 }
@@ -295,6 +298,14 @@ impl Contest {
             Ok(self.refine(&hypotheses, &effects).ok())
         };
         Ok(starts.par_iter().map(refit).collect::<Result<Vec<_>, ModelError>>()?.into_iter().flatten().collect())
+    }
+}
+
+/// What a cause that is there from the start must gain.
+fn least_gain(effect: &Effect) -> f64 {
+    match effect.about().place {
+        Place::Base | Place::Mass | Place::Thruster => LEAST_GAIN_AT_BASE,
+        _ => LEAST_GAIN,
     }
 }
 

@@ -1,9 +1,10 @@
 //! A clamped arm: the joints are simulated from their measured state.
 
 use super::{ChannelMisfit, Gathered};
-use crate::measured::{Drive, Joints, Run};
+use crate::clamped::drive;
+use crate::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{JointCommand, Plant, Simulation};
+use fss_plant::{Plant, Simulation};
 
 /// The misfit of joint angles and rates.
 pub(super) fn misfit(plant: &Plant, run: &Run, window_s: f64) -> Result<Vec<ChannelMisfit>, ModelError> {
@@ -23,7 +24,7 @@ pub(super) fn misfit(plant: &Plant, run: &Run, window_s: f64) -> Result<Vec<Chan
             start = k;
             simulation.set_state([0.0; 3], [0.0; 3], &row(&joints.q_rad, k), &row(&joints.qd_rad_s, k));
         }
-        drive(&mut simulation, run.drive, joints, k, n);
+        drive(&mut simulation, run.drive, joints, k);
         simulation.step(joints.t_s[k + 1] - joints.t_s[k]);
         let truth = simulation.truth();
         for i in 0..n {
@@ -38,15 +39,4 @@ pub(super) fn misfit(plant: &Plant, run: &Run, window_s: f64) -> Result<Vec<Chan
     let mut channels = named(angles, "q");
     channels.extend(named(rates, "qd"));
     Ok(channels)
-}
-
-fn drive(simulation: &mut Simulation, drive: Drive, joints: &Joints, k: usize, n: usize) {
-    for i in 0..n {
-        let current = joints.current_a.get(i).map(|values| values[k]);
-        let command = match (drive, current) {
-            (Drive::Free, _) | (_, None) => JointCommand::Free,
-            (_, Some(current_a)) => JointCommand::Current { current_a },
-        };
-        simulation.set_joint(i, command);
-    }
 }
