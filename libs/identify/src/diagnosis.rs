@@ -225,7 +225,7 @@ pub fn diagnose(
     let settled = contest
         .uncertain
         .iter()
-        .zip(contest.from_file(&selection.after.nuisance))
+        .zip(contest.off_file(&selection.after.nuisance))
         .map(|(u, z)| (u.name.clone(), z))
         .collect();
     Ok(Diagnosis {

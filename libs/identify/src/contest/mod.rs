@@ -198,7 +198,7 @@ impl Contest {
     }
 
     /// The nuisances, counted from the plant file.
-    pub(crate) fn from_file(&self, nuisance: &DVector<f64>) -> Vec<f64> {
+    pub(crate) fn off_file(&self, nuisance: &DVector<f64>) -> Vec<f64> {
         (nuisance + &self.moved).iter().copied().collect()
     }
 

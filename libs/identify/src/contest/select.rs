@@ -130,10 +130,10 @@ impl Contest {
 
     /// Whether the rows have moved so far that what was linear around `centre` is so no more.
     fn is_far(&self, centre: &Refined, now: &Refined) -> bool {
-        let cells = centre.residuals.iter().zip(&now.residuals).zip(&self.evidence.cells);
+        let mut cells = centre.residuals.iter().zip(&now.residuals).zip(&self.evidence.cells);
         let moved =
             |((a, b), cell): ((&DVector<f64>, &DVector<f64>), &Cell)| (a - b).norm_squared() > FAR * cell.freedom;
-        !self.is_chaotic() && cells.map(moved).any(|far| far)
+        !self.is_chaotic() && cells.any(moved)
     }
 
     /// The best of the screen, each refitted beside the causes taken already; best first.
