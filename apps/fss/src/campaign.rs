@@ -12,7 +12,7 @@ mod statistics;
 mod sweep;
 
 use crate::challenge::parse_seeds;
-use crate::files::write_silently;
+use crate::files::{unless_unread, write_silently};
 use crate::run::{fly_fast, stop_on_signal};
 use clap::Args;
 use definition::{Campaign, TABLES, Wanted};
@@ -128,7 +128,7 @@ pub fn run(args: &CampaignArgs) -> Result<()> {
     let rows = journal::read_all(&campaign.folder)?;
     let rows: Vec<&Row> = rows.values().filter(|row| row.run <= campaign.count()).collect();
     let statistics = Statistics::of(&campaign, &rows);
-    statistics.print(&campaign.folder);
+    unless_unread(statistics.print(&campaign.folder, &mut std::io::stdout().lock()))?;
     if let Some(path) = &args.json {
         write_silently(path, &serde_json::to_string_pretty(&statistics).into_diagnostic()?)?;
     }

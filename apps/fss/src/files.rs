@@ -100,6 +100,14 @@ pub fn write_silently(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
 }
 
+/// Output that nobody reads any more (`| head`) is no failure.
+pub fn unless_unread(outcome: std::io::Result<()>) -> Result<()> {
+    match outcome {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        outcome => outcome.into_diagnostic(),
+    }
+}
+
 /// This very program, to be started as another process. It is found even after an upgrade has put another file in its place:
 /// one flight flies one build.
 pub fn this_program() -> Command {

@@ -2,6 +2,7 @@
 
 mod export;
 
+use crate::files::unless_unread;
 use clap::{Args, Subcommand};
 use fss_messages::{Event, text_of, topic};
 use fss_records::log::{Damage, Log, TopicInfo};
@@ -47,14 +48,6 @@ pub fn run(command: &LogCommand) -> Result<()> {
         LogCommand::Info(args) => info(args),
         LogCommand::Export(args) => export::run(args),
         LogCommand::Recover(args) => recover(args),
-    }
-}
-
-/// Output that nobody reads any more (`| head`) is no failure.
-fn unless_unread(outcome: io::Result<()>) -> Result<()> {
-    match outcome {
-        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        outcome => outcome.into_diagnostic(),
     }
 }
 

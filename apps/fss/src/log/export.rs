@@ -1,6 +1,6 @@
 //! `fss log export`: every topic as a table for other programs.
 
-use super::unless_unread;
+use crate::files::unless_unread;
 use clap::{Args, ValueEnum};
 use fss_records::log::{Log, TopicInfo};
 use fss_records::table::{CsvFile, MatlabFile, ParquetFile, Table, TableFile};
