@@ -146,7 +146,11 @@ impl Statistics {
             writeln!(out, "{words:<width$}  {}", point.rate)?;
         }
         if self.points.len() > MOST {
-            writeln!(out, "and {} combinations more; --json FILE has all, with their figures", self.points.len() - MOST)?;
+            writeln!(
+                out,
+                "and {} combinations more; --json FILE has all, with their figures",
+                self.points.len() - MOST
+            )?;
         }
         if !self.failures.is_empty() {
             writeln!(out, "\nnot successful:")?;
@@ -159,7 +163,12 @@ impl Statistics {
             writeln!(out, "  and {} more; --json FILE lists all", self.failures.len() - MOST)?;
         }
         if let Some(first) = self.failures.first() {
-            writeln!(out, "`fss campaign --out {} --run {}` flies one again, with its log", folder.display(), first.run)?;
+            writeln!(
+                out,
+                "`fss campaign --out {} --run {}` flies one again, with its log",
+                folder.display(),
+                first.run
+            )?;
         }
         Ok(())
     }
