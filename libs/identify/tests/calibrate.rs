@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Lab, Noise};
-use fss_identify::calibrate::kinematic::{Choice, Observation, calibrate, observations};
+use fss_identify::calibrate::kinematic::{Choice, Observation, calibrate, observations, standing};
 use fss_multibody::{Coordinates, Model};
 use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};
@@ -90,6 +90,7 @@ fn one_pose_and_a_dead_joint_determine_no_number_that_they_cannot() {
             observe(&model, &q, [1e-4, 1e-4], &mut rng)
         })
         .collect();
+    assert_eq!(standing(&dead), [3]);
     let estimate = calibrate(&model, &dead, [1e-4, 1e-4], Choice { each_length: true }).unwrap();
     assert!(estimate.rank < 10);
     let unseen = &estimate.undetermined_parameters;

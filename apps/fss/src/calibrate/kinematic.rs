@@ -36,6 +36,7 @@ pub struct Calibrated {
     estimate: Estimate,
     still: usize,
     moving: usize,
+    standing: Vec<usize>,
 }
 
 impl Calibrated {
@@ -56,13 +57,19 @@ impl Calibrated {
             )
         })?;
         let still = observations.iter().filter(|o| o.is_still()).count();
-        Ok(Self { estimate, still, moving: observations.len() - still })
+        let standing = kinematic::standing(&observations);
+        Ok(Self { estimate, still, moving: observations.len() - still, standing })
     }
 
     /// Tells a person.
     pub fn print(&self) {
         let moving = if self.moving > 0 { format!(" and {} in motion", self.moving) } else { String::new() };
         println!("poses of the end-effector: {} at rest{moving}", self.still);
+        for joint in self.standing.iter().filter(|_| self.still + self.moving > 1) {
+            println!(
+                "- joint {joint} stands at one angle in all of them: its offset shows only by how long the arm is there, and the offsets beside it lean on that"
+            );
+        }
         answer::print(&self.estimate, &KINDS);
     }
 

@@ -33,6 +33,8 @@ pub struct Choice {
 /// Known no better than this, a length or an angle is not determined.
 const PLAUSIBLE_M: f64 = 0.1;
 const PLAUSIBLE_RAD: f64 = 0.5;
+/// A joint that moves by less stands, rad.
+const AT_REST_RAD: f64 = 0.02;
 pub(super) const PLAUSIBLE_DELAY_S: f64 = 0.5;
 /// Joints slower than this stand still, rad/s.
 const STILL_RAD_S: f64 = 0.01;
@@ -123,6 +125,13 @@ pub fn calibrate(
         }
         Some(out)
     })
+}
+
+/// Joints, from 1, that stand at one angle in all observations.
+pub fn standing(observations: &[Observation]) -> Vec<usize> {
+    let links = observations.first().map_or(0, |first| first.q_rad.len());
+    let stands = |i: usize| observations.iter().all(|o| (o.q_rad[i] - observations[0].q_rad[i]).abs() < AT_REST_RAD);
+    (0..links).filter(|i| stands(*i)).map(|i| i + 1).collect()
 }
 
 /// The observations that a run holds: one a still pose; those in motion besides where `moving` is set. Postures that a
