@@ -33,7 +33,9 @@ def exported(folder, topic):
 
 
 def same(ours, theirs):
-    """Whether a value that we printed is the value that they decoded, to the last bit."""
+    """Whether a value that we printed is the value that they decoded, to the last bit; text is an array of bytes to them."""
+    if hasattr(theirs, "__len__"):
+        return ours == bytes(theirs).split(b"\0")[0].decode()
     return float(ours) == theirs if isinstance(theirs, float) else int(ours) == int(theirs)
 
 
