@@ -200,20 +200,28 @@ fn a_browser_draws_the_page() {
     let log = flown(folder.path(), "capture", "2");
     let view = View::start(&[&log]);
     let (picture, profile) = (folder.path().join("view.png"), folder.path().join("profile"));
-    let output = Command::new(browser)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .arg(format!("--user-data-dir={}", profile.display()))
-        .args(["--window-size=1400,1000", "--virtual-time-budget=4000", "--dump-dom"])
-        .arg(format!("--screenshot={}", picture.display()))
-        .arg(format!("http://127.0.0.1:{}/#t=86", view.port))
-        .output()
-        .unwrap();
-    let page = text(&output.stdout);
+    // A browser on a busy computer may take the picture before the page is whole: it gets another try with more time.
+    let words = ["capture - fss view", "data-frames=\"27", "target held", ">stop<", "86.00 of 90", "phase 4: stop"];
+    let mut page = String::new();
+    for budget_ms in [4_000, 10_000, 30_000, 60_000] {
+        let output = Command::new(browser)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+            .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+            .arg(format!("--user-data-dir={}-{budget_ms}", profile.display()))
+            .args(["--window-size=1400,1000", "--dump-dom"])
+            .arg(format!("--virtual-time-budget={budget_ms}"))
+            .arg(format!("--screenshot={}", picture.display()))
+            .arg(format!("http://127.0.0.1:{}/#t=86", view.port))
+            .output()
+            .unwrap();
+        page = text(&output.stdout);
+        if words.iter().all(|words| page.contains(words)) {
+            break;
+        }
+    }
     assert!(!page.contains("data-error"), "{page}");
-    assert!(page.contains("data-frames=\"27"), "90 s are 2700 frames: {page}");
-    for words in ["capture - fss view", "target held", ">stop<", "86.00 of 90", "phase 4: stop"] {
-        assert!(page.contains(words), "the page should say '{words}': {page}");
+    for words in words {
+        assert!(page.contains(words), "the page should say '{words}', 90 s are 2700 frames: {page}");
     }
     let bytes = std::fs::read(&picture).unwrap();
     assert!(bytes.starts_with(b"\x89PNG") && bytes.len() > 60_000, "a picture of {} bytes", bytes.len());
