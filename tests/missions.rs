@@ -7,6 +7,7 @@ use common::{fss, json, refused, succeed, text};
 use std::path::{Path, PathBuf};
 
 const CAPTURE: &str = include_str!("../deploy/etc/missions/capture.toml");
+const SERVICE: &str = include_str!("../deploy/etc/missions/service.toml");
 
 fn number(value: &serde_json::Value, path: &str) -> f64 {
     path.split('.').fold(value, |v, key| &v[key]).as_f64().unwrap_or_else(|| panic!("no number {path} in {value}"))
@@ -61,6 +62,38 @@ fn a_drifting_target_is_captured_and_momentum_goes_nowhere() {
         }
         assert!(vector(&s["stop"]["speed_m_s"])[1] < 0.005, "the compound stands: {s}");
     }
+}
+
+#[test]
+fn a_part_is_fetched_carried_along_its_path_and_left_at_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    for seed in 1..=3 {
+        let s = flown(folder.path(), "service", seed);
+        let c = &s["carry"];
+        assert_eq!((&s["outcome"], &c["success"]), (&"done".into(), &true.into()), "{s}");
+        assert!(number(c, "path_m") > 1.0 && number(c, "deviation_max_m") < 0.03, "{c}");
+        // The laboratory's own truth of the part, long after it was let go.
+        assert!(number(c, "placed_error_m") <= 0.01 && number(c, "left_speed_m_s") < 0.003, "{c}");
+        assert_eq!(s["capture"]["success"], true, "{s}");
+    }
+    succeed(&["replay", folder.path().join("3/run.mcap").to_str().unwrap()]);
+}
+
+#[test]
+fn what_nobody_holds_is_not_carried() {
+    let folder = tempfile::tempdir().unwrap();
+    let never = SERVICE.replace("gripper = \"closed\"\n", "");
+    let path = mission_file(folder.path(), &never);
+    let out = folder.path().join("never");
+    let words = ["nothing can be carried here: the gripper is open", "mission-test.toml:74"];
+    refused(&["run", path.to_str().unwrap(), "--fast", "--out", out.to_str().unwrap()], &words);
+    // In flight: the last link dies on the way, and with it the gripper's word.
+    let fault = "\n[[fault]]\nfrom_s = 110\nto_s = 500\nkind = { link_dead = { link = 4 } }\n";
+    let path = mission_file(folder.path(), &format!("{SERVICE}{fault}"));
+    let output = fss(&["run", path.to_str().unwrap(), "--fast", "--quiet", "--out", out.to_str().unwrap()]);
+    assert!(!output.status.success(), "an aborted mission is no success");
+    let s = json(&out.join("summary.json"));
+    assert_eq!((&s["outcome"], &s["carry"]["success"]), (&"aborted".into(), &false.into()), "{s}");
 }
 
 #[test]

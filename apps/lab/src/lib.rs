@@ -23,3 +23,4 @@ pub use error::LabError;
 pub use faults::{Faults, Networks};
 pub use gripper::{GRIPPER_REACH_M, GRIPPER_SPEED_M_S};
 pub use laboratory::{DeviceOutputs, Laboratory, STEP_NS, Traffic};
+pub use truth::TRUTH_PERIOD_NS;

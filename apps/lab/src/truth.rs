@@ -3,6 +3,9 @@
 use fss_messages::{MAX_LINKS, MAX_THRUSTERS, TruthState};
 use fss_plant::Simulation;
 
+/// How often the truth is told, ns.
+pub const TRUTH_PERIOD_NS: u64 = 10_000_000;
+
 /// The truth now.
 pub(crate) fn state(simulation: &Simulation, now_ns: u64, valves: u16) -> TruthState {
     let truth = simulation.truth();

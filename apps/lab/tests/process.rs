@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -44,7 +44,9 @@ impl Running {
 
     /// Waits until the truth is as wanted.
     fn until(&self, what: &str, wanted: impl Fn(&TruthState) -> bool) -> TruthState {
+        let start = Instant::now();
         loop {
+            assert!(start.elapsed() < PATIENCE, "it did not come: {what}");
             let truth = self.truth.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("no truth while waiting: {what}"));
             if wanted(&truth) {
                 return truth;
@@ -54,6 +56,37 @@ impl Running {
 }
 
 impl Drop for Running {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.take().unwrap().join().unwrap();
+    }
+}
+
+/// Says the same mask every 5 ms, as the thrusters' process does, until it is dropped.
+struct Driver {
+    stop: std::sync::Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Driver {
+    fn connect(valves: &Path, mask: u16) -> Self {
+        let mut line = UnixStream::connect(valves).unwrap();
+        let stop = std::sync::Arc::new(AtomicBool::new(false));
+        let flag = stop.clone();
+        let thread = thread::spawn(move || {
+            for counter in 0.. {
+                if flag.load(Ordering::Relaxed) {
+                    return;
+                }
+                line.write_all(&ValveFrame { mask, counter }.encode()).unwrap();
+                thread::sleep(Duration::from_millis(5));
+            }
+        });
+        Self { stop, thread: Some(thread) }
+    }
+}
+
+impl Drop for Driver {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.take().unwrap().join().unwrap();
@@ -76,9 +109,8 @@ fn a_valve_line_that_closes_shuts_the_valves_and_another_driver_may_come() {
     let folder = tempfile::tempdir().unwrap();
     let addresses = addresses(folder.path(), socket().local_addr().unwrap());
     let running = Running::start(&addresses);
-    for counter in 0..3 {
-        let mut line = UnixStream::connect(&addresses.valves).unwrap();
-        line.write_all(&ValveFrame { mask: 0b101, counter }.encode()).unwrap();
+    for _ in 0..3 {
+        let line = Driver::connect(&addresses.valves, 0b101);
         running.until("valves 1 and 3 open", |truth| truth.thrust_n[0] > 0.1 && truth.thrust_n[2] > 0.1);
         drop(line);
         running.until("valves shut", |truth| truth.valves == [0; 16] && truth.thrust_n == [0.0; 16]);
@@ -90,8 +122,7 @@ fn only_one_driver_has_the_valve_line() {
     let folder = tempfile::tempdir().unwrap();
     let addresses = addresses(folder.path(), socket().local_addr().unwrap());
     let running = Running::start(&addresses);
-    let mut first = UnixStream::connect(&addresses.valves).unwrap();
-    first.write_all(&ValveFrame { mask: 1, counter: 0 }.encode()).unwrap();
+    let _first = Driver::connect(&addresses.valves, 1);
     running.until("valve 1 open", |truth| truth.valves[0] == 1);
     let mut second = UnixStream::connect(&addresses.valves).unwrap();
     second.set_read_timeout(Some(PATIENCE)).unwrap();

@@ -14,6 +14,7 @@ pub(crate) fn set_base_goal(s: &mut MissionState, phase: &Phase, here: [f64; 3])
     s.base_mode = MissionState::BASE_HOLD;
     s.base_duration_s = phase.duration_s;
     s.valves = [0; MAX_THRUSTERS];
+    s.carrying = 0;
     match phase.base {
         BaseGoal::Free => {
             s.base_mode = MissionState::BASE_FREE;
@@ -38,12 +39,12 @@ pub(crate) fn set_base_goal(s: &mut MissionState, phase: &Phase, here: [f64; 3])
             s.base_goal = here;
         }
         // Set by the one who knows the target.
-        BaseGoal::Meet { .. } => {}
+        BaseGoal::Meet { .. } | BaseGoal::Carry { .. } => {}
     }
 }
 
 /// The heading is unwrapped: the turn to `theta` that is the shorter one from `here`.
-fn nearest_turn(theta: f64, here: f64) -> f64 {
+pub(crate) fn nearest_turn(theta: f64, here: f64) -> f64 {
     here + (theta - here + PI).rem_euclid(TAU) - PI
 }
 
@@ -79,6 +80,14 @@ impl Meeting<'_> {
         let y = pose[1] + from_centre * handle.sin() - (sin * tip.x + cos * tip.y);
         ([x, y, theta], [rate[0], rate[1], 0.0])
     }
+}
+
+/// The base's pose that brings a held target from where it is to `goal`: both turn and move as one body.
+pub(crate) fn carried(here: [f64; 3], target: [f64; 3], goal: [f64; 3]) -> [f64; 3] {
+    let turn = nearest_turn(goal[2], target[2]) - target[2];
+    let (sin, cos) = turn.sin_cos();
+    let (dx, dy) = (here[0] - target[0], here[1] - target[1]);
+    [goal[0] + cos * dx - sin * dy, goal[1] + sin * dx + cos * dy, here[2] + turn]
 }
 
 /// Which valves the pulses want open `since_ns` after the start of their phase.

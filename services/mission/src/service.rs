@@ -1,6 +1,6 @@
 //! Flies a mission: phase after phase, or the safe end.
 
-use crate::goals::{Meeting, open_valves, set_arm_goal, set_base_goal};
+use crate::goals::{Meeting, carried, nearest_turn, open_valves, set_arm_goal, set_base_goal};
 use crate::target::TargetTracker;
 use crate::trouble::Trouble;
 use crate::{ArmGoal, BaseGoal, Condition, Mission, Phase};
@@ -195,18 +195,20 @@ impl MissionService {
         match condition {
             Condition::TargetSeen => self.tracker.is_known(now),
             Condition::Grasped => s.target_held != 0,
+            Condition::Released => s.target_held == 0,
             Condition::Still { speed_m_s, omega_rad_s } => {
                 self.speed_of_centre(nav, inputs.links.get()) <= speed_m_s && nav.omega_rad_s.abs() <= omega_rad_s
             }
             Condition::Arrived { distance_m, speed_m_s } => {
                 let gone_s = now.age_ns(s.phase_start_ns) as f64 * 1e-9;
                 let apart: [f64; 3] = std::array::from_fn(|i| s.base_goal[i] + s.base_goal_rate[i] * gone_s);
-                let [x, y, theta] = apart;
+                let carried = (s.carrying != 0).then(|| (self.tracker.motion(now).pose, s.target_goal));
+                let (at, goal) = carried.unwrap_or(([nav.x_m, nav.y_m, nav.theta_rad], apart));
                 let rate = s.base_goal_rate;
                 // The leg is not over before its time, however near the goal is.
                 gone_s >= s.base_duration_s
-                    && (nav.x_m - x).hypot(nav.y_m - y) <= distance_m
-                    && (nav.theta_rad - theta).abs() * 0.5 <= distance_m
+                    && (at[0] - goal[0]).hypot(at[1] - goal[1]) <= distance_m
+                    && (at[2] - nearest_turn(goal[2], at[2])).abs() * 0.5 <= distance_m
                     && (nav.vx_m_s - rate[0]).hypot(nav.vy_m_s - rate[1]) <= speed_m_s
                     && (nav.omega_rad_s - rate[2]).abs() * 0.5 <= speed_m_s
             }
@@ -235,8 +237,14 @@ impl MissionService {
         s.phase_start_ns = start.ns();
         set_base_goal(s, phase, here);
         set_arm_goal(s, phase);
-        if let BaseGoal::Meet { standoff_m } = phase.base {
-            self.meet(standoff_m, start, here, inputs);
+        match phase.base {
+            BaseGoal::Meet { standoff_m } => self.meet(standoff_m, start, here, inputs),
+            BaseGoal::Carry { pose } => {
+                s.carrying = 1;
+                s.target_goal = pose;
+                s.base_goal = carried(here, self.tracker.motion(start).pose, pose);
+            }
+            _ => {}
         }
     }
 
@@ -274,7 +282,7 @@ impl MissionService {
     /// Takes in where the target is and whether it is held.
     fn look(&mut self, now: Time, inputs: &Inputs) {
         if let Some(mocap) = inputs.target.fresh() {
-            self.tracker.update(mocap);
+            self.tracker.update(mocap, self.sample.target_held != 0);
         }
         if let Some(links) = inputs.links.within(now, self.config.max_age_ns) {
             let last = (links.link_count as usize).clamp(1, MAX_LINKS) - 1;
@@ -312,6 +320,9 @@ impl MissionService {
         }
         if phase.is_some_and(Phase::needs_target) && self.sample.target_held == 0 && self.tracker.is_lost(now) {
             return Some(Trouble::TargetLost);
+        }
+        if running && self.sample.carrying != 0 && self.sample.target_held == 0 {
+            return Some(Trouble::TargetDropped);
         }
         let Some(links) = inputs.links.within(now, max_age_ns) else { return Some(Trouble::Telemetry) };
         let serious = LinksState::FAULT_DRIVER | LinksState::FAULT_TORQUE_SENSOR | LinksState::FAULT_COMMAND_TIMEOUT;

@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 const NOISE: [f64; 3] = [3e-4, 3e-4, 7e-4];
 /// Spectral densities of what may accelerate a body that nothing touches: m2/s3, m2/s3, rad2/s3.
 const UNREST: [f64; 3] = [1e-10, 1e-10, 1e-9];
+/// Of a body that the vehicle carries about.
+const UNREST_HELD: [f64; 3] = [1e-4, 1e-4, 1e-3];
 /// A pose so far from where it should be is another body: m, m, rad.
 const GATE: [f64; 3] = [0.03, 0.03, 0.15];
 /// Velocities are known when their standard deviations are below: m/s, m/s, rad/s.
@@ -64,8 +66,8 @@ pub(crate) struct Motion {
 }
 
 impl TargetTracker {
-    /// Takes a pose into account.
-    pub(crate) fn update(&mut self, mocap: &MocapPose) {
+    /// Takes a pose into account, of a body that floats freely or is held by the vehicle.
+    pub(crate) fn update(&mut self, mocap: &MocapPose, is_held: bool) {
         if mocap.quality != MocapPose::VALID {
             return;
         }
@@ -88,8 +90,9 @@ impl TargetTracker {
         }
         self.refused = 0;
         self.at_ns = mocap.stamp_ns;
+        let unrest = if is_held { UNREST_HELD } else { UNREST };
         for (i, axis) in self.axes.iter_mut().enumerate() {
-            axis.predict(dt_s, UNREST[i]);
+            axis.predict(dt_s, unrest[i]);
             axis.correct(innovation[i], NOISE[i]);
         }
     }
@@ -133,7 +136,7 @@ mod tests {
                 theta_rad: turned - TAU * (turned / TAU).round(),
                 ..MocapPose::default()
             };
-            tracker.update(&sample);
+            tracker.update(&sample, false);
         }
         let now = Time::from_ns(10_100_000_000);
         let motion = tracker.motion(now);

@@ -11,6 +11,7 @@ pub(crate) enum Trouble {
     ArmController,
     ArmBlocked,
     TargetLost,
+    TargetDropped,
     TimedOut,
     OffTable,
 }
@@ -18,12 +19,12 @@ pub(crate) enum Trouble {
 impl Trouble {
     /// Whether waiting cannot mend it.
     pub(crate) fn is_final(self) -> bool {
-        matches!(self, Self::NavigationLost | Self::ArmBlocked | Self::TargetLost | Self::TimedOut | Self::OffTable)
+        matches!(self, Self::NavigationLost | Self::OffTable) || self.leaves_a_way_out()
     }
 
     /// Whether the vehicle can still fly a way out.
     pub(crate) fn leaves_a_way_out(self) -> bool {
-        matches!(self, Self::ArmBlocked | Self::TargetLost | Self::TimedOut)
+        matches!(self, Self::ArmBlocked | Self::TargetLost | Self::TargetDropped | Self::TimedOut)
     }
 }
 
@@ -38,6 +39,7 @@ impl core::fmt::Display for Trouble {
             Self::ArmController => write!(f, "the arm controller is silent"),
             Self::ArmBlocked => write!(f, "the arm is blocked: joint limits or a singularity end its line here"),
             Self::TargetLost => write!(f, "the target is lost: motion capture does not see it"),
+            Self::TargetDropped => write!(f, "the target is not held any more: the gripper has lost it"),
             Self::TimedOut => write!(f, "the phase's condition did not come in time"),
             Self::OffTable => write!(f, "the base is about to leave the table"),
         }

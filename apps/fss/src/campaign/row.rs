@@ -58,6 +58,13 @@ pub const FIGURES: &[Figure] = &[
     ("capture_contact_speed_m_s", |s| s.capture.as_ref()?.contact_speed_m_s),
     ("capture_base_turned_deg", |s| s.capture.as_ref()?.base_turned_deg),
     ("capture_room_on_table_m", |s| s.capture.as_ref().map(|c| c.room_on_table_m)),
+    ("carry_deviation_rms_m", |s| s.carry.as_ref().map(|c| c.deviation_rms_m)),
+    ("carry_deviation_max_m", |s| s.carry.as_ref().map(|c| c.deviation_max_m)),
+    ("carry_placed_error_m", |s| s.carry.as_ref()?.placed_error_m),
+    ("carry_placed_error_deg", |s| s.carry.as_ref()?.placed_error_deg),
+    ("carry_left_speed_m_s", |s| s.carry.as_ref()?.left_speed_m_s),
+    ("carry_left_rate_deg_s", |s| s.carry.as_ref()?.left_rate_deg_s),
+    ("carry_gas_used_kg", |s| s.carry.as_ref().map(|c| c.gas_used_kg)),
 ];
 
 /// Flies a run of a campaign.
@@ -78,11 +85,13 @@ impl Row {
     /// Of a flight.
     pub fn of(campaign: &Campaign, run: u64, summary: &Summary, wall_time_s: f64) -> Self {
         let missed = summary.capture.as_ref().is_some_and(|capture| !capture.success);
-        let success = summary.outcome == "done" && !missed;
+        let misplaced = summary.carry.as_ref().is_some_and(|carry| !carry.success);
+        let success = summary.outcome == "done" && !missed && !misplaced;
         let reason = match (success, summary.warnings.last()) {
             (true, _) => String::new(),
             (false, Some(warning)) => warning.clone(),
             (false, None) if missed => "the target is not held".to_owned(),
+            (false, None) if misplaced => "the target was not left where it was carried to".to_owned(),
             (false, None) => "the mission did not end in its time".to_owned(),
         };
         Self {

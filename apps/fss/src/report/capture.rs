@@ -26,7 +26,7 @@ pub fn section(html: &mut String, flight: &Flight, capture: &CaptureFigures, sto
         html.push_str("<p>The gripper took nothing.</p>");
         return;
     };
-    let held = if capture.success {
+    let held = if last.target_held != 0 {
         format!("From {grasp_s:.2} s on the laboratory holds the handle in the gripper, until the end of the log.")
     } else {
         format!("The gripper took the handle at {grasp_s:.2} s and let it go again.")

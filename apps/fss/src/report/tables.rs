@@ -13,14 +13,26 @@ const EVENTS: usize = 200;
 /// How it ended, in a sentence or two.
 pub fn verdict(html: &mut String, flight: &Flight, summary: &Summary) {
     let captured = summary.capture.as_ref().is_none_or(|capture| capture.success);
-    let good = summary.outcome == "done" && captured;
+    let placed = summary.carry.as_ref().is_none_or(|carry| carry.success);
+    let good = summary.outcome == "done" && captured && placed;
     let ended = match summary.outcome {
         "done" => "flew all its phases",
         "aborted" => "was aborted",
         _ => "has no end in this log",
     };
     let mut text = format!("The mission {ended}: {:.1} s.", summary.duration_s);
-    if let Some(capture) = &summary.capture {
+    if let Some(carry) = &summary.carry {
+        let how = match (carry.placed_error_m, carry.left_speed_m_s) {
+            (Some(error_m), Some(speed_m_s)) => format!(
+                " The target was carried along {:.2} m and let go {:.1} mm from the path's end, where it drifts at {:.2} mm/s.",
+                carry.path_m,
+                error_m * 1e3,
+                speed_m_s * 1e3
+            ),
+            _ => " The target was taken and never let go.".to_owned(),
+        };
+        text.push_str(&how);
+    } else if let Some(capture) = &summary.capture {
         let how = match (capture.success, capture.miss_m, capture.contact_speed_m_s) {
             (true, Some(miss_m), Some(speed_m_s)) => format!(
                 " The target was captured, {:.2} mm off the handle at {:.2} mm/s, and is held.",
@@ -121,6 +133,11 @@ pub fn figures(html: &mut String, summary: &Summary) {
         row("gas of the stop", format!("{used:.2} g; no firings need less than {least:.2} g"));
         let ([v0, v1], [w0, w1]) = (stop.speed_m_s.map(|v| v * 1e3), stop.rate_deg_s);
         row("stopped", format!("from {v0:.1} mm/s and {w0:.2} deg/s to {v1:.1} mm/s and {w1:.3} deg/s"));
+    }
+    if let Some(c) = &summary.carry {
+        let (rms_mm, most_mm) = (c.deviation_rms_m * 1e3, c.deviation_max_m * 1e3);
+        row("target off the straight legs", format!("{rms_mm:.1} mm RMS, {most_mm:.1} mm at most"));
+        row("gas to carry it", format!("{:.2} g", c.gas_used_kg * 1e3));
     }
     if let Some(gas_kg) = summary.gas_used_kg {
         row("gas used", format!("{:.2} g", gas_kg * 1e3));

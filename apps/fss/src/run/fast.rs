@@ -12,7 +12,7 @@ use fss_bus::{Bus, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, S
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, decode_vicon, gyro_packet};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
-use fss_lab::{DeviceOutputs, LabConfig, Laboratory};
+use fss_lab::{DeviceOutputs, LabConfig, Laboratory, TRUTH_PERIOD_NS};
 use fss_links::{COMMAND_QUEUE, CommandDatagram, LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MissionState, TruthState, topic};
 use fss_mission::{MissionConfig, MissionService};
@@ -28,8 +28,6 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::rc::Rc;
 
-/// How often the truth is told, ns.
-const TRUTH_PERIOD_NS: u64 = 10_000_000;
 /// A mission that has not ended so long after it should have is given up, s.
 const PATIENCE_S: f64 = 60.0;
 

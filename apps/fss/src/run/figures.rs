@@ -1,4 +1,4 @@
-//! Figures of merit of missions that stop a vehicle or capture a target, from the truth.
+//! Figures of merit of missions that stop a vehicle, capture a target or carry one, from the truth.
 
 use super::stack::Stack;
 use fss_base::stop::{Body, least_impulse};
@@ -6,6 +6,7 @@ use fss_messages::{MissionState, TruthState};
 use fss_multibody::{Model, State};
 use fss_plant::{Grasped, Physics, Plant};
 use serde::Serialize;
+use std::f64::consts::TAU;
 
 /// Standard gravity, which makes a specific impulse a speed, m/s2.
 const G0_M_S2: f64 = 9.806_65;
@@ -28,7 +29,7 @@ pub struct StopFigures {
 /// How a capture went.
 #[derive(Clone, Debug, Serialize)]
 pub struct CaptureFigures {
-    /// Whether the target is held at the end.
+    /// Whether the target is held at the end, or, where the mission carries it somewhere, whether it was taken.
     pub success: bool,
     /// Distance of the end-effector from the handle when the gripper took it, m.
     pub miss_m: Option<f64>,
@@ -42,6 +43,36 @@ pub struct CaptureFigures {
     pub base_turned_deg: Option<f64>,
     /// Nearest that base, joints, end-effector or target came to the table's edge, m; negative is beyond.
     pub room_on_table_m: f64,
+}
+
+/// A target that is left so far from where it was carried to, m,
+const PLACED_M: f64 = 0.01;
+/// so much turned, degrees,
+const PLACED_DEG: f64 = 2.0;
+/// and no faster than this, m/s, was put there.
+const PLACED_M_S: f64 = 0.003;
+
+/// How a target was carried along a path and let go.
+#[derive(Clone, Debug, Serialize)]
+pub struct CarryFigures {
+    /// Whether it was let go at the path's end, within 10 mm and 2 degrees of where it should be and slower than 3 mm/s.
+    pub success: bool,
+    /// Length of the path of the target's centre, m.
+    pub path_m: f64,
+    /// Root of the mean square distance of its centre from the straight legs, m.
+    pub deviation_rms_m: f64,
+    /// The largest, m.
+    pub deviation_max_m: f64,
+    /// When it was let go: distance of its centre from the path's end, m.
+    pub placed_error_m: Option<f64>,
+    /// Difference of its heading then, degrees.
+    pub placed_error_deg: Option<f64>,
+    /// How fast it drifts afterwards, m/s.
+    pub left_speed_m_s: Option<f64>,
+    /// How fast it turns afterwards, degrees/s.
+    pub left_rate_deg_s: Option<f64>,
+    /// Gas from the start of the first leg until it was let go, kg.
+    pub gas_used_kg: f64,
 }
 
 /// Of a mission with a phase whose base goal is to stop.
@@ -125,8 +156,9 @@ pub fn capture(stack: &Stack, truth: &[TruthState], states: &[MissionState]) -> 
         let disc = room(t.target[0], t.target[1]) - target.body.radius_m;
         room(t.x_m, t.y_m).min(room(t.ee[0], t.ee[1])).min(disc)
     };
+    let is_carried_away = states.iter().any(|s| s.carrying != 0);
     Some(CaptureFigures {
-        success: last.target_held != 0,
+        success: last.target_held != 0 || (is_carried_away && grasped.is_some()),
         miss_m: grasped.map(|t| t.grasp_miss_m),
         contact_speed_m_s: grasped.map(|t| t.grasp_speed_m_s),
         momentum_before: grasped.map(|t| t.grasp_momentum_before),
@@ -134,6 +166,61 @@ pub fn capture(stack: &Stack, truth: &[TruthState], states: &[MissionState]) -> 
         base_turned_deg: turned,
         room_on_table_m: truth.iter().map(nearest).fold(f64::INFINITY, f64::min),
     })
+}
+
+/// Of a mission with phases whose base goal is to carry the target.
+pub fn carry(truth: &[TruthState], states: &[MissionState]) -> Option<CarryFigures> {
+    let mut legs = states.iter().filter(|s| s.carrying != 0).collect::<Vec<_>>();
+    legs.dedup_by_key(|s| s.phase_start_ns);
+    let begin_ns = legs.first()?.phase_start_ns;
+    let first = truth.get(truth.partition_point(|t| t.stamp_ns < begin_ns))?;
+    let (mut from, mut path_m, mut sum2, mut count, mut most_m) = ([0.0; 2], 0.0, 0.0, 0.0, 0.0_f64);
+    for (i, leg) in legs.iter().enumerate() {
+        let end_ns = legs.get(i + 1).map_or(u64::MAX, |next| next.phase_start_ns);
+        let held = |t: &&TruthState| t.target_held != 0 && (leg.phase_start_ns..end_ns).contains(&t.stamp_ns);
+        let [to_x, to_y, _] = leg.target_goal;
+        if i == 0 {
+            from = [first.target[0], first.target[1]];
+        }
+        path_m += (to_x - from[0]).hypot(to_y - from[1]);
+        for t in truth.iter().filter(held) {
+            let apart_m = distance_from_segment([t.target[0], t.target[1]], from, [to_x, to_y]);
+            (sum2, count, most_m) = (sum2 + apart_m * apart_m, count + 1.0, most_m.max(apart_m));
+        }
+        from = [to_x, to_y];
+    }
+    // It was let go where it is held no more; what it does then it goes on doing.
+    let is_later = |t: &&TruthState| t.stamp_ns > begin_ns && t.target_held == 0;
+    let (let_go, left) = (truth.iter().find(is_later), truth.last()?);
+    let goal = legs.last()?.target_goal;
+    let placed_error_m = let_go.map(|t| (t.target[0] - goal[0]).hypot(t.target[1] - goal[1]));
+    let placed_error_deg = let_go.map(|t| {
+        let apart = t.target[2] - goal[2];
+        (apart - TAU * (apart / TAU).round()).to_degrees().abs()
+    });
+    let left_speed_m_s = let_go.map(|_| left.target_rate[0].hypot(left.target_rate[1]));
+    let within = |value: Option<f64>, most: f64| value.is_some_and(|value| value <= most);
+    Some(CarryFigures {
+        success: within(placed_error_m, PLACED_M)
+            && within(placed_error_deg, PLACED_DEG)
+            && within(left_speed_m_s, PLACED_M_S),
+        path_m,
+        deviation_rms_m: (sum2 / f64::max(count, 1.0)).sqrt(),
+        deviation_max_m: most_m,
+        placed_error_m,
+        placed_error_deg,
+        left_speed_m_s,
+        left_rate_deg_s: let_go.map(|_| left.target_rate[2].to_degrees()),
+        gas_used_kg: let_go.unwrap_or(left).gas_used_kg - first.gas_used_kg,
+    })
+}
+
+/// Of a point from the straight way between two others, m.
+fn distance_from_segment(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
+    let (way, gone) = ([to[0] - from[0], to[1] - from[1]], [point[0] - from[0], point[1] - from[1]]);
+    let length2 = way[0] * way[0] + way[1] * way[1];
+    let share = if length2 > 0.0 { ((gone[0] * way[0] + gone[1] * way[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
+    (gone[0] - share * way[0]).hypot(gone[1] - share * way[1])
 }
 
 impl StopFigures {
@@ -153,7 +240,7 @@ impl CaptureFigures {
             println!("capture            failed: the gripper took nothing");
             return;
         };
-        let what = if self.success { "the target is held" } else { "the target was let go" };
+        let what = if self.success { "the target was taken" } else { "the target was lost again" };
         println!("capture            {what}; missed by {:.2} mm at {:.2} mm/s", miss * 1e3, speed * 1e3);
         if let (Some(before), Some(after)) = (self.momentum_before, self.momentum_after) {
             let show = |p: [f64; 3]| format!("({:.6}, {:.6}) kg m/s, {:.6} kg m2/s", p[0], p[1], p[2]);
@@ -163,6 +250,31 @@ impl CaptureFigures {
         println!(
             "                   the base turned by {turned:.2} deg meanwhile, {:.2} m from the edge",
             self.room_on_table_m
+        );
+    }
+}
+
+impl CarryFigures {
+    /// Lines for a person.
+    pub fn print(&self) {
+        println!(
+            "carried            {:.2} m, off the straight legs by {:.1} mm RMS and {:.1} mm at most, with {:.2} g of gas",
+            self.path_m,
+            self.deviation_rms_m * 1e3,
+            self.deviation_max_m * 1e3,
+            self.gas_used_kg * 1e3
+        );
+        let (Some(apart_m), Some(turned_deg), Some(speed_m_s), Some(rate_deg_s)) =
+            (self.placed_error_m, self.placed_error_deg, self.left_speed_m_s, self.left_rate_deg_s)
+        else {
+            println!("                   and was never let go");
+            return;
+        };
+        println!(
+            "                   let go {:.1} mm and {turned_deg:.2} deg from the path's end, where it stays at {:.2} mm/s and \
+             {rate_deg_s:.3} deg/s",
+            apart_m * 1e3,
+            speed_m_s * 1e3
         );
     }
 }

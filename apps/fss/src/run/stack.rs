@@ -25,6 +25,7 @@ pub const MISSIONS: &[(&str, &str)] = &[
     ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
     ("detumble", include_str!("../../../../deploy/etc/missions/detumble.toml")),
     ("capture", include_str!("../../../../deploy/etc/missions/capture.toml")),
+    ("service", include_str!("../../../../deploy/etc/missions/service.toml")),
     ("calibrate", include_str!("../../../../deploy/etc/missions/calibrate.toml")),
     ("experiment-coast", include_str!("../../../../deploy/etc/missions/experiment-coast.toml")),
     ("experiment-single-joint", include_str!("../../../../deploy/etc/missions/experiment-single-joint.toml")),

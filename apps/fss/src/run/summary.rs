@@ -1,6 +1,6 @@
 //! What happened in a run, told from its log alone.
 
-use super::figures::{self, CaptureFigures, StopFigures};
+use super::figures::{self, CaptureFigures, CarryFigures, StopFigures};
 use super::stack::Stack;
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
 use fss_records::log::{Log, LogError, Samples, TopicInfo};
@@ -35,6 +35,9 @@ pub struct Summary {
     /// How a capture went.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub capture: Option<CaptureFigures>,
+    /// How a target was carried and let go.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub carry: Option<CarryFigures>,
     /// Each service's cycles and overruns.
     pub services: BTreeMap<String, ServiceFigures>,
     /// What a flight that calibrates has found: `fss-calibration/1`.
@@ -204,7 +207,8 @@ impl Records {
     pub fn summary_of(&self, stack: &Stack) -> Summary {
         let stop = figures::stop(stack, &self.truth, &self.states);
         let capture = figures::capture(stack, &self.truth, &self.states);
-        Summary { stop, capture, ..self.summary(&stack.mission_name) }
+        let carry = figures::carry(&self.truth, &self.states);
+        Summary { stop, capture, carry, ..self.summary(&stack.mission_name) }
     }
 
     /// The run's figures.
@@ -222,6 +226,7 @@ impl Records {
             gas_used_kg: self.truth.last().map(|t| t.gas_used_kg),
             stop: None,
             capture: None,
+            carry: None,
             services: services(&self.health),
             calibration: None,
             warnings: warnings(&self.events, first_ns),
@@ -259,6 +264,9 @@ impl Summary {
         }
         if let Some(capture) = &self.capture {
             capture.print();
+        }
+        if let Some(carry) = &self.carry {
+            carry.print();
         }
         println!("gas used           {} g", number(self.gas_used_kg, 1e3, 2));
         let total = |f: fn(&ServiceFigures) -> u64| self.services.values().map(f).sum::<u64>();

@@ -2,6 +2,7 @@
 //! long services are missing.
 
 use fss_bus::{Batch, Bus, InputPort, SharedConfig, realtime};
+use fss_lab::TRUTH_PERIOD_NS;
 use fss_messages::{Health, MAX_THRUSTERS, MissionState, ThrustersCommand, TruthState, text_of, topic};
 use miette::{IntoDiagnostic, Result};
 use std::collections::{BTreeMap, VecDeque};
@@ -13,6 +14,8 @@ pub struct Testimony {
     pub open_after_ns: u64,
     /// Whether a valve was open when last seen.
     pub open: bool,
+    /// The longest that the laboratory told no truth beyond its period: its world stood still, valves and all, ns.
+    pub world_stood_still_ns: u64,
     /// The longest time without a sign of life of each service, from its last one or from the last blow upon it, ns.
     pub silent_ns: BTreeMap<String, u64>,
     /// Cycles and overruns of each start of each service.
@@ -42,6 +45,8 @@ pub struct Witness {
     mission: Batch<MissionState>,
     /// When the mission ended, ns: its stack stops then, and nobody is missed.
     ended_ns: Option<u64>,
+    /// When the truth was last told, ns.
+    truth_ns: Option<u64>,
     /// Commands that the truth has not come to yet.
     pending: VecDeque<ThrustersCommand>,
     commanded_ns: [u64; MAX_THRUSTERS],
@@ -67,6 +72,7 @@ impl Witness {
             health: Batch::open(&bus, topic::HEALTH).into_diagnostic()?,
             mission: Batch::open(&bus, topic::MISSION_STATE).into_diagnostic()?,
             ended_ns: None,
+            truth_ns: None,
             pending: VecDeque::new(),
             commanded_ns: [0; MAX_THRUSTERS],
             alive_ns: BTreeMap::new(),
@@ -98,6 +104,10 @@ impl Witness {
                 }
                 self.pending.pop_front();
             }
+            let since_ns =
+                truth.stamp_ns.saturating_sub(self.truth_ns.replace(truth.stamp_ns).unwrap_or(truth.stamp_ns));
+            let stood_still_ns = since_ns.saturating_sub(TRUTH_PERIOD_NS);
+            self.seen.world_stood_still_ns = self.seen.world_stood_still_ns.max(stood_still_ns);
             let open = truth.valves.iter().zip(&self.commanded_ns).filter(|(valve, _)| **valve != 0);
             let after = open.map(|(_, at)| truth.stamp_ns.saturating_sub(*at)).max();
             self.seen.open = after.is_some();

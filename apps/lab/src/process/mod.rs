@@ -8,7 +8,7 @@ mod terminal;
 mod valve_line;
 
 use crate::laboratory::{DeviceOutputs, Laboratory, STEP_NS};
-use crate::{LabConfig, LabError};
+use crate::{LabConfig, LabError, TRUTH_PERIOD_NS};
 use fss_bus::{Time, realtime};
 use fss_messages::TruthState;
 use fss_plant::Plant;
@@ -17,9 +17,6 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use terminal::Terminal;
 use valve_line::ValveLine;
-
-/// How often the truth is told (ns).
-const TRUTH_PERIOD_NS: u64 = 10_000_000;
 
 /// Longest datagram that is read; what is longer is none of ours.
 const MAX_COMMAND_LEN: usize = 256;

@@ -27,6 +27,8 @@ pub(super) struct ValveLine {
     driver: Option<(UnixStream, Decoder)>,
     /// The last frame and when it came.
     last: (u16, Time),
+    /// When it was looked for frames.
+    looked: Option<Time>,
 }
 
 impl ValveLine {
@@ -40,15 +42,20 @@ impl ValveLine {
             fs::remove_file(path).map_err(error("replacing an old valve line"))?;
         }
         let listener = UnixListener::bind(path).map_err(error("opening the valve line"))?;
-        let line = Self { listener, path: path.to_path_buf(), driver: None, last: (SHUT, Time::default()) };
+        let line =
+            Self { listener, path: path.to_path_buf(), driver: None, last: (SHUT, Time::default()), looked: None };
         line.listener.set_nonblocking(true).map_err(error("opening the valve line"))?;
         fs::set_permissions(path, Permissions::from_mode(0o600)).map_err(error("protecting the valve line"))?;
         Ok(line)
     }
 
     /// The mask of the last frame since the last call; shut where the driver has gone or is silent; `None` without news.
+    ///
+    /// A real box goes on counting while the host does not run this laboratory. Where it was not looked for longer than the
+    /// watchdog waits, frames that have come meanwhile do not tell when: they open nothing, the next one does.
     pub(super) fn poll(&mut self, now: Time) -> Option<u16> {
-        if let Some(mask) = self.news() {
+        let stood_still = self.looked.replace(now).is_some_and(|before| now.age_ns(before.ns()) > WATCHDOG_NS);
+        if let Some(mask) = self.news().map(|mask| if stood_still { SHUT } else { mask }) {
             self.last = (mask, now);
             return Some(mask);
         }
@@ -96,5 +103,36 @@ impl ValveLine {
 impl Drop for ValveLine {
     fn drop(&mut self) {
         let _ignored = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod tests {
+    use super::*;
+    use fss_wire::valves::ValveFrame;
+    use std::io::Write;
+
+    #[test]
+    fn frames_that_waited_while_the_host_stood_still_open_no_valve() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("valves.sock");
+        let mut line = ValveLine::open(&path).unwrap();
+        let mut driver = UnixStream::connect(&path).unwrap();
+        let at_ms = |ms: u64| Time::from_ns(1_000_000_000 + ms * 1_000_000);
+        let mut counter = 0;
+        let mut send = |mask| {
+            counter += 1;
+            driver.write_all(&ValveFrame { mask, counter }.encode()).unwrap();
+        };
+        line.poll(at_ms(0));
+        send(0b11);
+        assert_eq!(line.poll(at_ms(1)), Some(0b11));
+        send(0b11);
+        assert_eq!(line.poll(at_ms(201)), Some(SHUT));
+        send(0b11);
+        assert_eq!(line.poll(at_ms(202)), Some(0b11));
+        assert_eq!(line.poll(at_ms(220)), None);
+        assert_eq!(line.poll(at_ms(238)), Some(SHUT));
     }
 }

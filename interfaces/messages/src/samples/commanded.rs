@@ -68,6 +68,8 @@ samples! {
         target: [f64; 3],
         /// its rates, m/s, m/s, rad/s
         target_rate: [f64; 3],
+        /// where the base carries the target in this phase: x m, y m, theta rad in the table frame
+        target_goal: [f64; 3],
         /// phase, counted from 0
         phase: u32,
         /// how many phases the mission has
@@ -88,8 +90,8 @@ samples! {
         gripper: u8,
         /// 1 where the arm holds the target
         target_held: u8,
-        /// zero
-        reserved0: u8,
+        /// 1 where the base carries the target to target_goal
+        carrying: u8,
     }
 
     /// What the arm controller tells the joints, and how its task goes.

@@ -3,8 +3,9 @@
 mod conditions;
 mod excitation;
 mod flight;
+mod target;
 
-use super::{ArmGoal, BaseGoal, Initial, Mission, Phase, Ranges, TargetBody, raw};
+use super::{ArmGoal, BaseGoal, Initial, Mission, Phase, Ranges, raw};
 use crate::error::Fault;
 use fss_messages::MAX_LINKS;
 use fss_plant::Plant;
@@ -37,38 +38,12 @@ pub(super) fn mission(raw: &raw::Mission, plant: For) -> Checked<Mission> {
         initial: initial(&raw.initial, plant)?,
         phases: all(raw.phase.get_ref())?,
         aborts: all(&raw.abort)?,
-        target: raw.target.as_ref().map(|target| self::target(target.get_ref(), plant)).transpose()?,
+        target: raw.target.as_ref().map(|target| target::body(target.get_ref(), plant)).transpose()?,
         name: raw.name.get_ref().clone(),
         description: raw.description.clone(),
     };
     flight::check(&mission, raw, plant)?;
     Ok(mission)
-}
-
-fn target(raw: &raw::Target, plant: For) -> Checked<TargetBody> {
-    let positive = |value: &raw::Number| match number(value)? {
-        amount if amount > 0.0 => Ok(amount),
-        amount => Err(Fault::new(value.span(), format!("a target cannot have {amount} here"), "give more than 0")),
-    };
-    Ok(TargetBody {
-        body: fss_plant::Target {
-            mass_kg: positive(&raw.mass_kg)?,
-            inertia_kg_m2: positive(&raw.inertia_kg_m2)?,
-            radius_m: positive(&raw.radius_m)?,
-            restitution: 0.0,
-            pose: [
-                on_table(Some(&raw.x_m), 0, plant)?,
-                on_table(Some(&raw.y_m), 1, plant)?,
-                number_or_zero(raw.theta_deg.as_ref())?.to_radians(),
-            ],
-            velocity: [
-                number_or_zero(raw.vx_m_s.as_ref())?,
-                number_or_zero(raw.vy_m_s.as_ref())?,
-                number_or_zero(raw.omega_deg_s.as_ref())?.to_radians(),
-            ],
-        },
-        ranges: ranges(&raw.draw)?,
-    })
 }
 
 fn ranges(raw: &raw::Draw) -> Checked<Ranges> {
@@ -155,6 +130,9 @@ fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
         let keys = [("standoff_m", raw.standoff_m.as_ref().map(Spanned::span))];
         refuse_all(keys.into_iter(), "only the base's goal \"meet\" takes it")?;
     }
+    if goal == raw::BaseGoal::Carry {
+        return target::carry(raw, plant);
+    }
     if goal == raw::BaseGoal::Goto {
         let relative = raw.relative.as_ref().is_some_and(|r| *r.get_ref());
         if raw.x_m.is_none() && raw.y_m.is_none() && raw.theta_deg.is_none() {
@@ -176,11 +154,11 @@ fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
     let numbers = [("x_m", &raw.x_m), ("y_m", &raw.y_m), ("theta_deg", &raw.theta_deg)];
     let numbers = numbers.map(|(key, value)| (key, value.as_ref().map(Spanned::span)));
     let relative = ("relative", raw.relative.as_ref().map(Spanned::span));
-    refuse_all(numbers.into_iter().chain([relative]), "only the base's goal \"goto\" takes it")?;
+    refuse_all(numbers.into_iter().chain([relative]), "only the base's goals \"goto\" and \"carry\" take it")?;
     Ok(match goal {
         raw::BaseGoal::Free => BaseGoal::Free,
         raw::BaseGoal::Stop => BaseGoal::Stop,
-        raw::BaseGoal::Meet => conditions::meet(raw)?,
+        raw::BaseGoal::Meet => target::meet(raw)?,
         raw::BaseGoal::Valves => BaseGoal::Valves(excitation::pulses(raw, phase_s, plant)?),
         _ => BaseGoal::Hold,
     })

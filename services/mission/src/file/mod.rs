@@ -34,7 +34,7 @@
 //! [[phase]]
 //! duration_s = 5
 //! until = { condition = "still", speed_m_s = 0.002, omega_deg_s = 0.1, for_s = 2 }
-//!                              # or "arrived" (also distance_m), "target-seen", "grasped"
+//!                              # or "arrived" (also distance_m), "target-seen", "grasped", "released"
 //! timeout_s = 120              # where the condition has not come, or the target is lost, the mission is aborted:
 //! on_abort = "back off"        # it flies the [[abort]] phase of this name and then ends
 //! base = { goal = "stop" }     # stop turning and drifting with the least gas
@@ -43,7 +43,8 @@
 //!
 //! A mission with a `[target]` captures it: the base's goal `"meet"` brings the end-effector, as the arm stands, to
 //! `standoff_m` before the target's handle and lets it drift with the target; the arm's goal `"capture"` leads it to the
-//! handle; `gripper = "closed"` arms the gripper from this phase on. `[initial.draw]` and `[target.draw]` are ranges from
+//! handle; `gripper = "closed"` arms the gripper from this phase on; what it holds the base's goal `"carry"` takes to
+//! x_m, y_m, theta_deg in the table frame, and the condition `"released"` waits until nothing is held. `[initial.draw]` and `[target.draw]` are ranges from
 //! which a run's seed draws ([`Mission::drawn`]). `[limits] gas_g` bounds what the mission may use.
 //!
 //! `[network.NAME]` and `[[fault]]` tables, as in a fault file, belong to the simulated laboratory and are not read here.
@@ -140,7 +141,7 @@ pub enum Condition {
         /// Largest rate of the base, rad/s.
         omega_rad_s: f64,
     },
-    /// The base is at its goal, and as fast as that.
+    /// The base, or the target that it carries, is at its goal, and the base as fast as that.
     Arrived {
         /// Largest distance, m; as many rad of heading times half a metre.
         distance_m: f64,
@@ -151,6 +152,8 @@ pub enum Condition {
     TargetSeen,
     /// The gripper says that it holds something.
     Grasped,
+    /// The gripper says that it holds nothing.
+    Released,
 }
 
 /// What the base does in a phase.
@@ -171,6 +174,11 @@ pub enum BaseGoal {
     Valves(Vec<Pulse>),
     /// Stops turning and drifting with the least gas.
     Stop,
+    /// Takes the target that the gripper holds to a pose; the arm is held.
+    Carry {
+        /// Of the target: x m, y m, theta rad in the table frame.
+        pose: [f64; 3],
+    },
     /// Goes to where the end-effector, as the arm stands, is before the target's handle, and drifts with the target.
     Meet {
         /// Distance of the end-effector from the handle, m.
@@ -241,7 +249,7 @@ impl Phase {
 
     /// Whether it makes sense only where the target is seen.
     pub fn needs_target(&self) -> bool {
-        matches!(self.base, BaseGoal::Meet { .. }) || self.arm == ArmGoal::Capture
+        matches!(self.base, BaseGoal::Meet { .. } | BaseGoal::Carry { .. }) || self.arm == ArmGoal::Capture
     }
 }
 

@@ -111,6 +111,7 @@ pub(super) enum Condition {
     Arrived,
     TargetSeen,
     Grasped,
+    Released,
 }
 
 #[derive(Clone, Copy, PartialEq, Deserialize)]
@@ -146,6 +147,7 @@ pub(super) enum BaseGoal {
     Free,
     Hold,
     Goto,
+    Carry,
     Valves,
     Stop,
     Meet,

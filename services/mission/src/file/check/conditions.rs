@@ -2,7 +2,7 @@
 
 use super::{Checked, number, refuse_all};
 use crate::error::Fault;
-use crate::file::{BaseGoal, Condition, Until, raw};
+use crate::file::{Condition, Until, raw};
 use toml::Spanned;
 
 /// The longest time-out, s.
@@ -64,12 +64,16 @@ fn condition(raw: &raw::Until) -> Checked<Condition> {
         }
         other => {
             refuse_all([distance, speed, omega].into_iter(), "this condition takes no bounds")?;
-            Ok(if *other == raw::Condition::TargetSeen { Condition::TargetSeen } else { Condition::Grasped })
+            Ok(match other {
+                raw::Condition::TargetSeen => Condition::TargetSeen,
+                raw::Condition::Released => Condition::Released,
+                _ => Condition::Grasped,
+            })
         }
     }
 }
 
-fn positive(value: &raw::Number) -> Checked<f64> {
+pub(super) fn positive(value: &raw::Number) -> Checked<f64> {
     match number(value)? {
         amount if amount > 0.0 => Ok(amount),
         amount => Err(Fault::new(value.span(), format!("{amount} is never reached"), "give more than 0")),
@@ -89,12 +93,4 @@ pub(super) fn on_abort(phase: &raw::Phase, names: &[String]) -> Checked<Option<u
         };
         Fault::new(wanted.span(), message, help)
     })
-}
-
-/// The base's goal to meet the target.
-pub(super) fn meet(raw: &raw::Base) -> Checked<BaseGoal> {
-    let Some(standoff) = &raw.standoff_m else {
-        return Err(Fault::new(raw.goal.span(), "missing field `standoff_m`", "say how far before the handle"));
-    };
-    Ok(BaseGoal::Meet { standoff_m: positive(standoff)? })
 }

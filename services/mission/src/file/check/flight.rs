@@ -26,7 +26,16 @@ pub(super) fn check(mission: &Mission, raw: &raw::Mission, plant: For) -> Checke
     for (phase, spanned) in phases().zip(spans) {
         if phase.needs_target() && mission.target.is_none() {
             let help = "add a [target] table with its mass_kg, inertia_kg_m2, radius_m, x_m and y_m";
-            return Err(Fault::new(spanned.span(), "there is no target to meet or to capture", help));
+            return Err(Fault::new(spanned.span(), "there is no target to meet, to capture or to carry", help));
+        }
+    }
+    let closes = |phase: &&Phase| phase.gripper_closed == Some(true);
+    let first_closed = mission.phases.iter().position(|phase| closes(&phase)).unwrap_or(usize::MAX);
+    for (i, (phase, spanned)) in mission.phases.iter().zip(raw.phase.get_ref()).enumerate() {
+        if matches!(phase.base, BaseGoal::Carry { .. }) && i < first_closed {
+            let help = "write gripper = \"closed\" in a phase before it, one in which the arm captures the target";
+            let span = spanned.get_ref().base.goal.span();
+            return Err(Fault::new(span, "nothing can be carried here: the gripper is open", help));
         }
     }
     let Some(plant) = plant else { return Ok(()) };
@@ -89,7 +98,8 @@ impl<'a> Flight<'a> {
                 self.gas_kg += self.gas_of(impulse);
                 self.rate = [0.0; 3];
             }
-            BaseGoal::Meet { .. } => (self.is_elsewhere, self.rate) = (true, [0.0; 3]),
+            // Where a target is, and how it is held, is known in flight only.
+            BaseGoal::Meet { .. } | BaseGoal::Carry { .. } => (self.is_elsewhere, self.rate) = (true, [0.0; 3]),
         }
         if let ArmGoal::Joints(q_rad) = &phase.arm {
             self.q.as_mut_slice()[3..3 + q_rad.len()].copy_from_slice(q_rad);
