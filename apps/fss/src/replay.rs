@@ -18,6 +18,7 @@ use tape::Tape;
 const NOT_REPLAYED: &[(&str, &str)] = &[
     ("lab", "it is the world, not a service"),
     ("recorder", "the log is what it made"),
+    ("ground", "it only shows what others said"),
     ("commands to the links and masks to the valves", "they leave for the devices and are not recorded as sent"),
     ("/health and the events of starting", "they come from the clock of the process, not from a step"),
 ];

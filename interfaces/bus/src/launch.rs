@@ -21,6 +21,9 @@ pub struct Launch {
     /// Where yellow and red begin.
     #[serde(default)]
     pub limits: Limits,
+    /// Where `ground` serves the live view; absent: nowhere, and it is not started.
+    #[serde(default)]
+    pub ground: Option<Ground>,
     /// The services in the order of their start; they stop in the opposite order.
     #[serde(rename = "service")]
     pub services: Vec<Schedule>,
@@ -77,6 +80,14 @@ impl Default for Limits {
     fn default() -> Self {
         Self { battery_yellow_v: 13.6, battery_red_v: 12.8 }
     }
+}
+
+/// Where `ground` serves the live view.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ground {
+    /// TCP address at which it listens.
+    pub listen: SocketAddr,
 }
 
 /// When and how one service runs.

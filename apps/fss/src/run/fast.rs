@@ -147,6 +147,8 @@ fn add(
             member!(Base::new(BaseConfig::from_plant(plant, model, rate_hz)));
         }
         "calibration" => member!(Calibration::new(plant.link_count(), MovementBand::of(plant))),
+        // Nobody can watch a clock that nobody waits for.
+        "ground" => {}
         "thrusters" => member!(Thrusters::new(plant.thrusters.len())),
         "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::for_plant(&stack.plant))),
         other => return Err(miette!("service '{other}' does not fly on a virtual clock")),

@@ -40,8 +40,8 @@ const OWN_STALL: Duration = Duration::from_millis(150);
 const SAFE_MODE_TIME: Duration = Duration::from_secs(1);
 /// Services that move the vehicle: safe mode stops them, and what they drove comes to rest by its own time-out.
 const MOVERS: [&str; 3] = ["mission", "base", "arm"];
-/// The flight goes on without it, whatever happens to it.
-const SPARED: &str = "recorder";
+/// The flight goes on without them, whatever happens to them.
+const SPARED: [&str; 2] = ["recorder", "ground"];
 /// How long a service may take to stop before it is killed.
 pub(super) const STOP_TIME: Duration = Duration::from_secs(3);
 
@@ -283,7 +283,7 @@ impl<'a> Supervisor<'a> {
         }
         let worked = member.started.elapsed() >= STILLBORN;
         member.stillborn = if worked { 0 } else { member.stillborn + 1 };
-        if member.stillborn >= STILLBORN_LIMIT && name != SPARED {
+        if member.stillborn >= STILLBORN_LIMIT && !SPARED.contains(&name.as_str()) {
             let why = format!("service '{name}' ended {STILLBORN_LIMIT} times in a row as soon as it was started");
             return self.safe_mode(&why).wrap_err(said.trim_end().to_owned());
         }

@@ -77,7 +77,7 @@ pub struct RunArgs {
 /// Run one service.
 #[derive(Args)]
 pub struct ServiceArgs {
-    /// The service: recorder, thrusters, fusion, links, arm, base, mission or calibration.
+    /// The service: recorder, thrusters, fusion, links, arm, base, mission, calibration or ground.
     name: String,
     #[command(flatten)]
     site: SiteArgs,

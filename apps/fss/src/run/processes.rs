@@ -12,6 +12,7 @@ use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Tim
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
+use fss_ground::{Ground, GroundConfig};
 use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
@@ -87,6 +88,7 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
     let plant = &site.stack.plant;
     match name {
         "recorder" => return recorder(&site, args),
+        "ground" => return ground(&site),
         "fusion" => return fusion(&site),
         "links" => return links(&site),
         "thrusters" => return thrusters(&site),
@@ -123,6 +125,23 @@ fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
     };
     let recorder = Recorder::threaded(&site.bus, Box::new(open), limits).into_diagnostic()?;
     site.fly(recorder, || ())?.finish().into_diagnostic()
+}
+
+/// Those who fly go before those who watch.
+const NICE_TO_THE_FLIGHT: i32 = 10;
+
+fn ground(site: &Site) -> Result<()> {
+    let where_to = site.launch.ground.ok_or_else(|| {
+        miette!(help = "[ground]\nlisten = \"127.0.0.1:8765\"", "the launch file does not say where to listen")
+    })?;
+    // Refused or not, it is no real-time process.
+    let _ = rustix::process::setpriority_process(None, NICE_TO_THE_FLIGHT);
+    let name = ["fss", &site.launch.vehicle, &site.stack.mission.name].join(" ").replace("  ", " ");
+    let config = GroundConfig { listen: where_to.listen, name };
+    let ground =
+        Ground::listen(&config, &site.stack.plant, &site.bus).into_diagnostic().wrap_err("ground ([ground] listen)")?;
+    site.fly(ground, || ())?.close();
+    Ok(())
 }
 
 /// A recorder that was restarted begins a log of its own; the first one's is readable to its last chunk.

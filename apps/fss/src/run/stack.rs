@@ -1,7 +1,9 @@
 //! A stack as its three files describe it: launch file, plant file, mission file.
 
 use crate::files::TextFile;
+use fss_bus::Service;
 use fss_bus::launch::Launch;
+use fss_ground::Ground;
 use fss_lab::{Faults, LabConfig};
 use fss_messages::MissionState;
 use fss_mission::Mission;
@@ -15,7 +17,7 @@ use toml::Spanned;
 
 /// The services that a launch file may name.
 pub const SERVICES: &[&str] =
-    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration"];
+    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", "ground"];
 
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[
@@ -301,9 +303,19 @@ fn asked_for(mut launch: Launch, launch_file: &TextFile, mission_file: &TextFile
             return Err(mission_file.error(message, help, Some(service.span())));
         }
     }
+    let serves = launch.ground.is_some();
+    if serves && launch.schedule(Ground::NAME).is_none() {
+        let help = "add a [[service]] with name = \"ground\" and its rate_hz, or remove [ground]".to_owned();
+        return Err(launch_file.error(
+            "[ground] says where to listen, but there is no such service".to_owned(),
+            help,
+            None,
+        ));
+    }
     launch.services.retain(|schedule| {
         let is_it = |service: &Spanned<String>| service.get_ref() == schedule.name.get_ref();
-        !schedule.on_demand || demand.services.iter().any(is_it)
+        let asked = !schedule.on_demand || demand.services.iter().any(is_it);
+        asked && (serves || schedule.name.get_ref() != Ground::NAME)
     });
     Ok(launch)
 }

@@ -1,0 +1,85 @@
+//! Telemetry for the outside: a live view in the tools that laboratories have.
+//!
+//! One process beside the flight serves every topic of the stack over the Foxglove WebSocket protocol, raw: the bytes in
+//! shared memory, with the schemas that the log has. To that it adds what three-dimensional views want: `/tf`,
+//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`urdf`]) and `/scene` (table,
+//! plumes, target).
+//!
+//! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
+//! slow client does not fetch is dropped from that client's own bounded queue.
+
+mod cdr;
+mod downlink;
+mod frames;
+mod ros;
+mod scene;
+mod server;
+mod topics;
+pub mod urdf;
+
+pub use server::{GroundConfig, GroundError};
+pub use topics::AllTopics;
+
+use downlink::Downlink;
+use frames::Frames;
+use fss_bus::{Bus, Output, Service, Time, outputs};
+use fss_messages::{Event, topic};
+use fss_plant::Plant;
+use scene::Scene;
+use server::Server;
+
+outputs! {
+    /// What the service says.
+    pub struct Outputs {
+        /// Clients that come and go.
+        events: Output<Event> = topic::EVENTS,
+    }
+}
+
+/// The service.
+pub struct Ground {
+    downlink: Downlink,
+    frames: Frames,
+    scene: Scene,
+    server: Server,
+}
+
+impl Ground {
+    /// Listens, and serves the stack of this plant that speaks on the bus.
+    ///
+    /// # Errors
+    /// Where the address cannot be listened at.
+    pub fn listen(config: &GroundConfig, plant: &Plant, bus: &Bus) -> Result<Self, GroundError> {
+        let context = foxglove::Context::new();
+        let downlink = Downlink::new(&context, bus)?;
+        let frames = Frames::new(&context, plant, bus)?;
+        let scene = Scene::new(&context, plant, bus);
+        Ok(Self { downlink, frames, scene, server: Server::start(config, &context)? })
+    }
+
+    /// The port that it listens at.
+    pub fn port(&self) -> u16 {
+        self.server.port()
+    }
+
+    /// Says goodbye to the clients.
+    pub fn close(self) {
+        self.server.stop();
+    }
+}
+
+impl Service for Ground {
+    type Inputs = AllTopics;
+    type Outputs = Outputs;
+    const NAME: &'static str = "ground";
+
+    /// Unlike a flight service it allocates: each client's queue holds copies of its own.
+    fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
+        self.downlink.send(inputs);
+        self.frames.send(now, inputs);
+        self.scene.send(now, inputs);
+        while let Some(words) = self.server.next_words() {
+            outputs.events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
+        }
+    }
+}
