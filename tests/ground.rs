@@ -3,17 +3,18 @@
 
 mod common;
 
-use common::{refused, text};
-use fss_messages::{NavState, Sample, topic};
+use common::{json as json_file, refused, text};
+use fss_messages::{Event, Health, NavState, PARAMETERS, Parameters, text_of, topic};
 use fss_records::log::Log;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
+use zerocopy::IntoBytes;
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -45,11 +46,33 @@ impl Flight {
         self.folder.path().join("out/run.mcap")
     }
 
-    /// Waits until it has flown; gives its log.
-    fn land(&mut self) -> Log {
-        let status = self.process.wait().unwrap();
-        assert!(status.success(), "the flight ended with {status}");
-        Log::open(&self.log()).unwrap()
+    /// Waits until it has flown; gives its log and how it ended.
+    fn land(&mut self) -> (Log, String) {
+        self.process.wait().unwrap();
+        let summary = json_file(&self.folder.path().join("out/summary.json"));
+        (Log::open(&self.log()).unwrap(), summary["outcome"].as_str().unwrap().to_owned())
+    }
+
+    /// The addresses at which its processes listen for connections, as the kernel tells them.
+    fn listening(&self) -> Vec<String> {
+        let folder = self.folder.path().join("out").canonicalize().unwrap();
+        let mut sockets = Vec::new();
+        for process in std::fs::read_dir("/proc").unwrap().flatten() {
+            let line = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+            let is_ours = process.file_name() == *self.process.id().to_string()
+                || text(&line).split('\0').any(|word| std::path::Path::new(word) == folder);
+            let files = std::fs::read_dir(process.path().join("fd")).into_iter().flatten().flatten();
+            let links = files.filter(|_| is_ours).filter_map(|file| std::fs::read_link(file.path()).ok());
+            sockets
+                .extend(links.filter_map(|link| {
+                    Some(link.to_str()?.strip_prefix("socket:[")?.trim_end_matches(']').to_owned())
+                }));
+        }
+        assert!(sockets.len() > 2, "the stack has sockets of its devices at least: {sockets:?}");
+        let tables = ["/proc/net/tcp", "/proc/net/tcp6"].map(|path| std::fs::read_to_string(path).unwrap_or_default());
+        let rows = tables.iter().flat_map(|table| table.lines()).map(|row| row.split_whitespace().collect::<Vec<_>>());
+        let ours = rows.filter(|row| row.len() > 9 && row[3] == "0A" && sockets.iter().any(|socket| socket == row[9]));
+        ours.map(|row| row[1].to_owned()).collect()
     }
 }
 
@@ -130,6 +153,32 @@ impl Viewer {
         self.say(&json!({ "op": "subscribe", "subscriptions": [{ "id": subscription, "channelId": channel }] }));
     }
 
+    /// Whether a status says this.
+    fn told(&self, words: &str) -> bool {
+        let statuses = self.texts.iter().filter(|text| text["op"] == "status");
+        statuses.filter_map(|status| status["message"].as_str()).any(|message| message.contains(words))
+    }
+
+    /// The values that answer a request.
+    fn answer(&self, id: &str) -> Option<BTreeMap<String, f64>> {
+        let answer = self.texts.iter().find(|words| words["op"] == "parameterValues" && words["id"] == id)?;
+        let value = |p: &Value| (p["name"].as_str().unwrap().to_owned(), p["value"].as_f64().unwrap());
+        Some(answer["parameters"].as_array().unwrap().iter().map(value).collect())
+    }
+
+    /// Calls a service that was announced, with an empty object.
+    fn call(&mut self, name: &str) {
+        let announced = |viewer: &Self| {
+            let services = viewer.texts.iter().flat_map(|words| words["services"].as_array().into_iter().flatten());
+            services.filter(|service| service["name"] == name).find_map(|service| service["id"].as_u64())
+        };
+        self.until(name, |viewer| announced(viewer).is_some());
+        let id = announced(self).unwrap() as u32;
+        // Opcode 2: service, call, encoding with its length, body.
+        let words = [id.to_le_bytes(), 1_u32.to_le_bytes(), 4_u32.to_le_bytes()].concat();
+        self.socket.send(Message::binary([&[2][..], &words, b"json{}"].concat())).unwrap();
+    }
+
     fn of(&self, subscription: u32) -> impl Iterator<Item = &[u8]> {
         self.samples.iter().filter(move |(id, ..)| *id == subscription).map(|(.., bytes)| &bytes[..])
     }
@@ -168,8 +217,53 @@ fn decode(definition: &str, message: &[u8]) -> BTreeMap<String, Vec<f64>> {
     fields
 }
 
+/// Asks for values.
+fn set(values: &[(&str, f64)]) -> Value {
+    let parameters: Vec<_> = values.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect();
+    json!({ "op": "setParameters", "parameters": parameters, "id": "set" })
+}
+
+/// Each topic and field that the shipped layouts name is announced, and the field is in the topic's definition.
+fn layouts_name_what_there_is(channels: &BTreeMap<String, Value>) {
+    let has_field = |topic: &str, field: &str, index: Option<usize>| {
+        let definition = channels[topic]["schema"].as_str().unwrap();
+        definition.lines().any(|line| {
+            let mut words = line.split_whitespace();
+            let (kind, name) = (words.next().unwrap_or(""), words.next());
+            let count = kind.split_once('[').map(|(_, count)| count.trim_end_matches(']').parse::<usize>().unwrap());
+            name == Some(field) && index.is_none_or(|i| count.is_some_and(|count| i < count))
+        })
+    };
+    let layout: Value = serde_json::from_str(include_str!("../deploy/etc/layouts/foxglove.json")).unwrap();
+    let mut named = 0;
+    for panel in layout["configById"].as_object().unwrap().values() {
+        for path in panel["paths"].as_array().into_iter().flatten() {
+            let path = path["value"].as_str().unwrap();
+            let (topic, field) = path.split_once('.').unwrap();
+            let (field, index) = match field.split_once('[') {
+                Some((field, index)) => (field, index.trim_end_matches(']').parse().ok()),
+                None => (field, None),
+            };
+            assert!(has_field(topic.split('{').next().unwrap(), field, index), "{path}");
+            named += 1;
+        }
+        let topics = panel["topics"].as_object().into_iter().flatten().map(|(topic, _)| topic.as_str());
+        let layers = panel["layers"].as_object().into_iter().flatten().filter_map(|(_, layer)| layer["topic"].as_str());
+        for topic in topics.chain(layers).chain(panel["topicPath"].as_str()) {
+            assert!(channels.contains_key(topic), "{topic}");
+            named += 1;
+        }
+    }
+    for curve in include_str!("../deploy/etc/layouts/plotjuggler.xml").split("<curve name=\"").skip(1) {
+        let (topic, field) = curve.split('"').next().unwrap().rsplit_once('/').unwrap();
+        assert!(has_field(topic, field, None), "{topic} {field}");
+        named += 1;
+    }
+    assert!(named > 40, "{named}");
+}
+
 #[test]
-fn a_viewer_sees_the_flight_as_the_log_will_have_it() {
+fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobody() {
     let address = free_address();
     let mut flight = Flight::start(52310, &format!("[ground]\nlisten = \"{address}\""));
     let mut viewer = Viewer::connect(address);
@@ -177,8 +271,19 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it() {
         viewer.subscribe(subscription, name);
     }
     viewer.until("every topic", |viewer| topic::NAMES.iter().all(|name| viewer.channels.contains_key(*name)));
-    viewer.until("a second of navigation", |viewer| viewer.of(1).count() > 200);
+    // One that wants everything and reads nothing.
+    let mut slow = Viewer::connect(address);
+    for (subscription, name) in (1..).zip(topic::NAMES) {
+        slow.subscribe(subscription, name);
+    }
+    viewer.until("20 s of navigation", |viewer| viewer.of(1).count() > 4000);
     viewer.until("frames", |viewer| [2, 3, 4].iter().all(|id| viewer.of(*id).next().is_some()));
+    assert_eq!(flight.listening().len(), 1, "the view's own address, and no other");
+
+    // It only watches: nothing can be set, and no command is offered.
+    viewer.say(&set(&[("base_bandwidth_rad_s", 0.6)]));
+    viewer.until("the refusal", |viewer| viewer.told("this view only watches"));
+    assert!(!viewer.texts.iter().any(|words| words["op"] == "advertiseServices"));
 
     let channel = &viewer.channels["/nav/state"];
     assert_eq!(
@@ -190,18 +295,104 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it() {
     let frames = text(viewer.of(2).last().unwrap());
     assert!(["map", "base", "link_4", "end_effector"].iter().all(|name| frames.contains(name)), "{frames}");
     assert!(text(viewer.of(3).next().unwrap()).contains("<robot name=\"fss\">"));
+    layouts_name_what_there_is(&viewer.channels);
     drop(viewer);
 
-    let log = flight.land();
+    let (log, outcome) = flight.land();
+    assert_eq!(outcome, "done");
     let logged = log.samples::<NavState>("/nav/state").unwrap();
-    let mut times = Vec::new();
+    let mut sequences = Vec::new();
     for message in &seen {
         let fields = decode(&definition, message);
         let sequence = fields["sequence"][0];
-        let sample = logged.iter().find(|sample| sample.sequence as f64 == sequence).expect("the log has it too");
+        let at = logged.partition_point(|sample| (sample.sequence as f64) < sequence);
+        let sample = logged.get(at).expect("the log has it too");
         assert_eq!(&message[4..], sample.as_bytes(), "sample {sequence}");
         assert_eq!((fields["x_m"][0], fields["std"][6]), (sample.x_m, sample.std[6]));
-        times.push(sequence);
+        sequences.push(sequence);
     }
-    assert!(times.is_sorted_by(|a, b| a + 1.0 == *b), "a viewer that keeps up misses none: {times:?}");
+    assert!(sequences.is_sorted_by(|a, b| a + 1.0 == *b), "a viewer that keeps up misses none");
+    for health in log.samples::<Health>("/health").unwrap() {
+        assert_eq!(health.dropped, 0, "{}", text_of(&health.service));
+    }
+    let events = log.samples::<Event>("/events").unwrap();
+    assert!(!events.iter().any(|event| text_of(&event.text).contains("samples lost")), "the recorder lost nothing");
+}
+
+#[test]
+fn a_viewer_tunes_within_bounds_and_aborts_and_the_log_replays_bit_for_bit() {
+    let address = free_address();
+    let mut flight = Flight::start(52330, &format!("[ground]\nlisten = \"{address}\"\ncommands = true"));
+    let mut viewer = Viewer::connect(address);
+    viewer.subscribe(1, "/mission/state");
+    viewer.until("the flight", |viewer| viewer.of(1).count() > 60);
+    viewer.say(&json!({ "op": "subscribeParameterUpdates", "parameterNames": ["base_bandwidth_rad_s"] }));
+    viewer.say(&json!({ "op": "getParameters", "parameterNames": [], "id": "all" }));
+    viewer.until("all parameters", |viewer| viewer.answer("all").is_some());
+    for parameter in PARAMETERS {
+        assert_eq!(viewer.answer("all").unwrap()[parameter.name], parameter.default, "{}", parameter.name);
+    }
+
+    viewer.say(&set(&[("base_bandwidth_rad_s", 0.6), ("arm_max_rate_rad_s", 0.1)]));
+    viewer.until("what the base says", |viewer| {
+        let told = viewer.texts.iter().filter(|words| words["op"] == "parameterValues" && words["id"].is_null());
+        told.flat_map(|words| words["parameters"].as_array().unwrap()).any(|parameter| parameter["value"] == 0.6)
+    });
+    viewer.say(&set(&[("base_bandwidth_rad_s", 60.0), ("base_damping_ratio", -1.0), ("no_such_thing", 1.0)]));
+    for words in
+        ["base_bandwidth_rad_s = 60 refused", "base_damping_ratio = -1 refused", "no parameter 'no_such_thing'"]
+    {
+        viewer.until(words, |viewer| viewer.told(words));
+    }
+    viewer.say(&json!({ "op": "getParameters", "parameterNames": ["base_bandwidth_rad_s"], "id": "still" }));
+    viewer.until("the answer", |viewer| viewer.answer("still").is_some());
+    assert_eq!(viewer.answer("still").unwrap()["base_bandwidth_rad_s"], 0.6);
+
+    viewer.call("/mission/abort");
+    let (log, outcome) = flight.land();
+    assert_eq!(outcome, "aborted");
+    let said: Vec<_> = log.samples::<Event>("/events").unwrap().iter().map(|e| text_of(&e.text).to_owned()).collect();
+    for words in [
+        "base_bandwidth_rad_s = 0.6 (was 0.45)",
+        "arm_max_rate_rad_s = 0.1 (was 0.3)",
+        "base_bandwidth_rad_s = 60 refused: it lies between 0.1 and 1.2",
+        "a viewer commands: abort",
+        "mission aborted: the ground commands it",
+    ] {
+        assert!(said.iter().any(|event| event == words), "'{words}' is not among {said:#?}");
+    }
+    let states = log.samples::<Parameters>("/parameters/state").unwrap();
+    let base: Vec<_> = states.iter().filter(|state| text_of(&state.service) == "base").collect();
+    assert_eq!((base[0].base_bandwidth_rad_s, base[base.len() - 1].base_bandwidth_rad_s), (0.45, 0.6));
+    let replay = common::fss(&["replay", "--json", flight.log().to_str().unwrap()]);
+    let answer: Value = serde_json::from_slice(&replay.stdout).unwrap();
+    assert_eq!(answer["identical"], true, "{answer:#}");
+}
+
+#[test]
+fn nothing_listens_unless_the_launch_file_says_where_and_nobody_commands_from_elsewhere() {
+    let flight = Flight::start(52350, "");
+    std::thread::sleep(Duration::from_secs(4));
+    assert_eq!(flight.listening(), Vec::<String>::new());
+    drop(flight);
+
+    let folder = tempfile::tempdir().unwrap();
+    let launch = folder.path().join("launch.toml");
+    let lab = include_str!("../deploy/etc/launch/lab.toml").replace("51001", "52370").replace("5110", "5238");
+    let run =
+        ["run", "hold", "--quiet", "--launch", launch.to_str().unwrap(), "--out", folder.path().to_str().unwrap()];
+    std::fs::write(&launch, format!("{lab}\n[ground]\nlisten = \"0.0.0.0:0\"\ncommands = true\n")).unwrap();
+    refused(&run, &["commands are taken from this computer alone", "[ground] listen"]);
+    let without = lab.split("[[service]]\nname = \"ground\"").next().unwrap();
+    std::fs::write(&launch, format!("{without}\n[ground]\nlisten = \"127.0.0.1:0\"\n")).unwrap();
+    refused(&run, &["[ground] says where to listen, but there is no such service", "name = \"ground\""]);
+}
+
+#[test]
+fn the_document_lists_every_parameter_with_its_bounds() {
+    let document = include_str!("../docs/ground.md");
+    for p in PARAMETERS {
+        let row = format!("| `{}` | {} | {} to {} | {} |", p.name, p.default, p.least, p.most, p.doc);
+        assert!(document.contains(&row), "docs/ground.md lacks this row:\n{row}");
+    }
 }

@@ -27,6 +27,9 @@ for kind in launch plants missions faults; do
         put 644 "$file" "etc/fss/$kind/$(basename "$file")"
     done
 done
+for file in "$here/deploy/etc/layouts"/*; do
+    put 644 "$file" "etc/fss/layouts/$(basename "$file")"
+done
 put 644 "$here/README.md" usr/share/doc/fss/README.md
 put 644 "$here/deploy/debian/copyright" usr/share/doc/fss/copyright
 put 644 "$here/CHANGELOG.md" usr/share/doc/fss/changelog

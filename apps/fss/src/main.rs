@@ -17,6 +17,7 @@ mod replay;
 mod report;
 mod run;
 mod top;
+mod urdf;
 mod view;
 mod workspace;
 
@@ -62,6 +63,8 @@ enum Command {
     /// Look at the computer that shall fly.
     #[command(subcommand)]
     Host(host::HostCommand),
+    /// Print the vehicle of a plant file as a URDF.
+    Urdf(urdf::UrdfArgs),
     /// Write man pages and shell completions, for the package.
     #[command(hide = true)]
     Generate(generate::GenerateArgs),
@@ -96,6 +99,7 @@ fn main() -> miette::Result<ExitCode> {
         Command::Challenge(args) => challenge::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Host(command) => host::run(&command),
+        Command::Urdf(args) => urdf::run(&args),
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
         Command::Log(command) => log::run(&command),

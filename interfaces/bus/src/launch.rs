@@ -88,6 +88,9 @@ impl Default for Limits {
 pub struct Ground {
     /// TCP address at which it listens.
     pub listen: SocketAddr,
+    /// Whether viewers may tune parameters and abort the mission; only where `listen` is on the loopback.
+    #[serde(default)]
+    pub commands: bool,
 }
 
 /// When and how one service runs.

@@ -11,8 +11,8 @@
 //! that disagree about a layout do not talk to each other.
 
 mod event;
+pub mod parameter;
 mod samples;
-
 mod schema;
 pub mod topic;
 

@@ -4,6 +4,7 @@ mod commanded;
 mod housekeeping;
 mod measured;
 mod truth;
+mod tuned;
 
 use crate::SampleVisitor;
 
@@ -11,6 +12,7 @@ pub use commanded::*;
 pub use housekeeping::*;
 pub use measured::*;
 pub use truth::*;
+pub use tuned::*;
 
 /// Calls the visitor with each sample type.
 pub fn visit_samples(visitor: &mut impl SampleVisitor) {
@@ -18,4 +20,5 @@ pub fn visit_samples(visitor: &mut impl SampleVisitor) {
     commanded::visit(visitor);
     housekeeping::visit(visitor);
     truth::visit(visitor);
+    tuned::visit(visitor);
 }

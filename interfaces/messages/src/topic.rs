@@ -1,8 +1,8 @@
 //! The topics of a stack: name, what travels on it, who publishes it.
 
 use crate::{
-    ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionState, MocapPose, NavState,
-    Posture, Sample, Step, ThrustersCommand, ThrustersState, TruthState,
+    ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionCommand, MissionState,
+    MocapPose, NavState, Parameters, Posture, Sample, Step, ThrustersCommand, ThrustersState, TruthState,
 };
 use core::marker::PhantomData;
 
@@ -21,10 +21,10 @@ impl<T: Sample> Topic<T> {
     }
 }
 
-/// Topics on which every service speaks; their samples name the service behind the header.
-const SHARED: [&str; 3] = [EVENTS.name, HEALTH.name, STEPS.name];
+/// Topics on which several services speak; their samples name the service behind the header.
+const SHARED: [&str; 4] = [EVENTS.name, HEALTH.name, STEPS.name, PARAMETERS_STATE.name];
 
-/// Whether every service speaks on the topic of this name, with or without a vehicle's in front.
+/// Whether several services speak on the topic of this name, with or without a vehicle's in front.
 pub fn is_shared(name: &str) -> bool {
     SHARED.iter().any(|shared| name.ends_with(shared))
 }
@@ -76,6 +76,12 @@ topics! {
     THRUSTERS_STATE: ThrustersState = "/thrusters/state",
     /// Postures in which the arm stood still, for calibration; published by `calibration`.
     CALIBRATION_POSTURE: Posture = "/calibration/posture",
+    /// What the ground wants of the mission; published by `ground`.
+    MISSION_COMMAND: MissionCommand = "/mission/command",
+    /// The values that the ground wants of parameters; published by `ground`.
+    PARAMETERS_COMMAND: Parameters = "/parameters/command",
+    /// The values of parameters in force, each service's own; published by those that have any.
+    PARAMETERS_STATE: Parameters = "/parameters/state",
     /// What happened, with severity; published by every service.
     EVENTS: Event = "/events",
     /// Cycles, overruns, latencies and input ages; published by every service.

@@ -1,5 +1,6 @@
 //! Gains, limits and patience of the arm controller.
 
+use fss_messages::Parameters;
 use fss_multibody::{JointVector, MAX_LINKS, Model, ModelError};
 use fss_plant::{Physics, Plant};
 
@@ -23,6 +24,8 @@ pub struct ArmConfig {
     pub drive: Drive,
     /// Rate limit of each joint, rad/s.
     pub max_rate_rad_s: JointVector,
+    /// What each servo can do, rad/s.
+    pub servo_rate_rad_s: JointVector,
     /// Rate limit of each joint where it moves in sines, rad/s: in free air, with nothing at the tip to be careful of.
     pub max_sine_rate_rad_s: JointVector,
     /// How fast joints slow down when the arm stops to hold, rad/s^2.
@@ -76,27 +79,28 @@ impl ArmConfig {
         let physics = Physics::at(plant, 0.0);
         let joints = || plant.links.iter().enumerate().take(MAX_LINKS);
         let mut limit_rad = JointVector::zeros();
-        let mut max_rate_rad_s = JointVector::zeros();
+        let mut servo_rate_rad_s = JointVector::zeros();
         let mut max_sine_rate_rad_s = JointVector::zeros();
         for (i, link) in joints() {
             limit_rad[i] = link.joint_limit_rad;
-            max_rate_rad_s[i] = plant.servo(i).max_rate_rad_s.min(0.3);
+            servo_rate_rad_s[i] = plant.servo(i).max_rate_rad_s;
             max_sine_rate_rad_s[i] = plant.servo(i).max_rate_rad_s.min(0.6);
         }
-        Ok(Self {
+        let mut config = Self {
             model: physics.model(0.0)?,
             limit_rad,
             drive: Drive::Position,
-            max_rate_rad_s,
+            max_rate_rad_s: JointVector::zeros(),
+            servo_rate_rad_s,
             max_sine_rate_rad_s,
             braking_rad_s2: 0.3,
             margin_rad: 0.005,
             approach_1_s: 2.0,
-            line_gain_1_s: 0.8,
-            attitude_gain_1_s: 1.0,
+            line_gain_1_s: 0.0,
+            attitude_gain_1_s: 0.0,
             quiet_m: 4e-4,
             quiet_rad: 2e-4,
-            centring_gain_rad2_s: 0.06,
+            centring_gain_rad2_s: 0.0,
             centring_ramp_s: 1.0,
             joint_gain_1_s: 1.0,
             sigma_slow: 0.03,
@@ -109,6 +113,27 @@ impl ArmConfig {
             max_age_ns: 200_000_000,
             max_mission_age_ns: 500_000_000,
             target_radius_m: plant.target.as_ref().map(|target| target.radius_m),
-        })
+        };
+        config.tune(&Parameters::defaults());
+        Ok(config)
+    }
+
+    /// The values of what can be tuned.
+    pub(crate) fn tuned(&self) -> Parameters {
+        Parameters {
+            arm_line_gain_1_s: self.line_gain_1_s,
+            arm_attitude_gain_1_s: self.attitude_gain_1_s,
+            arm_centring_gain_rad2_s: self.centring_gain_rad2_s,
+            arm_max_rate_rad_s: self.max_rate_rad_s.max(),
+            ..Parameters::silent()
+        }
+    }
+
+    /// Takes the values of what can be tuned. No joint is told to go faster than its servo can.
+    pub(crate) fn tune(&mut self, values: &Parameters) {
+        self.line_gain_1_s = values.arm_line_gain_1_s;
+        self.attitude_gain_1_s = values.arm_attitude_gain_1_s;
+        self.centring_gain_rad2_s = values.arm_centring_gain_rad2_s;
+        self.max_rate_rad_s = self.servo_rate_rad_s.map(|servo| servo.min(values.arm_max_rate_rad_s));
     }
 }

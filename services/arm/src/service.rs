@@ -7,7 +7,8 @@ use crate::task::{Blocked, Task};
 use crate::{ArmConfig, Drive};
 use core::fmt;
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{ArmCommand, Event, LinksState, MissionState, MocapPose, NavState, topic};
+use fss_messages::parameter::Tuning;
+use fss_messages::{ArmCommand, Event, LinksState, MissionState, MocapPose, NavState, Parameters, topic};
 use fss_multibody::MAX_LINKS;
 
 /// A line begins within this time of its phase or not at all, ns.
@@ -34,6 +35,8 @@ inputs! {
         mission: Latest<MissionState> = topic::MISSION_STATE,
         /// Motion capture of the end-effector, where there is one.
         end_effector: Latest<MocapPose> = topic::MOCAP_END_EFFECTOR,
+        /// How it shall be tuned.
+        parameters: Latest<Parameters> = topic::PARAMETERS_COMMAND,
     }
 }
 
@@ -42,6 +45,8 @@ outputs! {
     pub struct Outputs {
         /// Commands to the joints.
         command: Output<ArmCommand> = topic::ARM_COMMAND,
+        /// How it is tuned.
+        parameters: Output<Parameters> = topic::PARAMETERS_STATE,
         /// What happened.
         events: Output<Event> = topic::EVENTS,
     }
@@ -63,6 +68,7 @@ pub struct ArmService {
     lagging_s: [f64; MAX_LINKS],
     last_step: Option<Time>,
     command: ArmCommand,
+    tuning: Tuning,
 }
 
 /// The inputs that are good enough to act on, at one time.
@@ -78,6 +84,7 @@ impl ArmService {
     /// A controller that has seen nothing yet.
     pub fn new(config: ArmConfig) -> Self {
         Self {
+            tuning: Tuning::new(Self::NAME, &config.tuned()),
             config,
             estimator: Estimator::default(),
             reference: Reference::default(),
@@ -90,6 +97,18 @@ impl ArmService {
             lagging_s: [0.0; MAX_LINKS],
             last_step: None,
             command: ArmCommand::default(),
+        }
+    }
+
+    /// Takes what the ground tunes. A joint that is under way by a profile goes on at its profile's rate.
+    fn tune(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        if let Some(wanted) = inputs.parameters.fresh()
+            && let Some(values) = self.tuning.follow(now.ns(), wanted, |event| outputs.events.publish(event))
+        {
+            self.config.tune(values);
+        }
+        if let Some(state) = self.tuning.report(now.ns()) {
+            outputs.parameters.publish(state);
         }
     }
 
@@ -319,6 +338,7 @@ impl Service for ArmService {
     const NAME: &'static str = "arm";
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        self.tune(now, inputs, outputs);
         let seen = self.see(now, inputs);
         let events = &mut outputs.events;
         self.command.limited = [0; MAX_LINKS];

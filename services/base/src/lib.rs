@@ -12,7 +12,10 @@ pub mod stop;
 
 use allocation::{Allocator, Wrench};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, NavState, ThrustersCommand, topic};
+use fss_messages::parameter::Tuning;
+use fss_messages::{
+    BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, NavState, Parameters, ThrustersCommand, topic,
+};
 use fss_multibody::{Model, State};
 use fss_plant::{Grasped, Physics, Plant};
 use guidance::Leg;
@@ -42,6 +45,8 @@ inputs! {
         mission: Latest<MissionState> = topic::MISSION_STATE,
         /// How the arm stands.
         links: Latest<LinksState> = topic::LINKS_STATE,
+        /// How it shall be tuned.
+        parameters: Latest<Parameters> = topic::PARAMETERS_COMMAND,
     }
 }
 
@@ -52,6 +57,8 @@ outputs! {
         command: Output<BaseCommand> = topic::BASE_COMMAND,
         /// The valves.
         thrusters: Output<ThrustersCommand> = topic::THRUSTERS_COMMAND,
+        /// How it is tuned.
+        parameters: Output<Parameters> = topic::PARAMETERS_STATE,
         /// Changes of mode.
         events: Output<Event> = topic::EVENTS,
     }
@@ -82,15 +89,36 @@ pub struct BaseConfig {
 impl BaseConfig {
     /// For a plant with the effects that it has from the start, stepped `rate_hz` times a second.
     pub fn from_plant(plant: &Plant, model: Model, rate_hz: f64) -> Self {
-        Self {
+        let mut config = Self {
             compound: compound(plant),
             model,
             thruster_wrenches: wrenches(&Physics::at(plant, 0.0)),
             shortest_pulse_s: plant.valves.min_on_s.max(SHORTEST_PULSE_S),
             period_s: 1.0 / rate_hz,
-            bandwidth_rad_s: 0.45,
-            damping_ratio: 1.0,
-            dead_band: [5e-4, 5e-4, 1e-3],
+            bandwidth_rad_s: 0.0,
+            damping_ratio: 0.0,
+            dead_band: [0.0; 3],
+        };
+        config.tune(&Parameters::defaults());
+        config
+    }
+
+    /// Takes the values of what can be tuned.
+    fn tune(&mut self, values: &Parameters) {
+        let (linear, angular) = (values.base_dead_band_m_s2, values.base_dead_band_rad_s2);
+        self.bandwidth_rad_s = values.base_bandwidth_rad_s;
+        self.damping_ratio = values.base_damping_ratio;
+        self.dead_band = [linear, linear, angular];
+    }
+
+    /// The values of what can be tuned.
+    fn tuned(&self) -> Parameters {
+        Parameters {
+            base_bandwidth_rad_s: self.bandwidth_rad_s,
+            base_damping_ratio: self.damping_ratio,
+            base_dead_band_m_s2: self.dead_band[0],
+            base_dead_band_rad_s2: self.dead_band[2],
+            ..Parameters::silent()
         }
     }
 }
@@ -158,12 +186,14 @@ pub struct Base {
     /// The stop that is under way, and when its phase began.
     stop: Option<(u64, Stop)>,
     sample: BaseCommand,
+    tuning: Tuning,
 }
 
 impl Base {
     /// For a vehicle.
     pub fn new(config: BaseConfig) -> Self {
         let count = config.thruster_wrenches.len();
+        let tuning = Tuning::new(Self::NAME, &config.tuned());
         let min_steps = (config.shortest_pulse_s / config.period_s - 1e-6).ceil().max(1.0) as u32;
         Self {
             allocator: Allocator::new(&config.thruster_wrenches),
@@ -173,6 +203,21 @@ impl Base {
             integral: [0.0; 3],
             stop: None,
             sample: BaseCommand::default(),
+            tuning,
+        }
+    }
+
+    /// Takes what the ground tunes. What the integral holds against a steady force stays what it is.
+    fn tune(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        if let Some(wanted) = inputs.parameters.fresh()
+            && let Some(values) = self.tuning.follow(now.ns(), wanted, |event| outputs.events.publish(event))
+        {
+            let was = self.config.bandwidth_rad_s;
+            self.config.tune(values);
+            self.integral = self.integral.map(|error| error * (was / self.config.bandwidth_rad_s).powi(3));
+        }
+        if let Some(state) = self.tuning.report(now.ns()) {
+            outputs.parameters.publish(state);
         }
     }
 
@@ -303,6 +348,7 @@ impl Service for Base {
     const NAME: &'static str = "base";
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        self.tune(now, inputs, outputs);
         let (mode, flown) = Self::mode(now, inputs);
         if self.sample.mode == BaseCommand::CONTROL && mode == BaseCommand::STALE {
             let message = format_args!("navigation or mission is stale: thrusters shut");

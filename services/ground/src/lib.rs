@@ -5,6 +5,9 @@
 //! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`urdf`]) and `/scene` (table,
 //! plumes, target).
 //!
+//! Where it is told to take commands ([`GroundConfig::commands`], on the loopback only), viewers tune parameters within their
+//! bounds ([`fss_messages::parameter`]) and abort the mission; each such word is an event, a sample and so in the log.
+//!
 //! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
 //! slow client does not fetch is dropped from that client's own bounded queue.
 
@@ -15,6 +18,7 @@ mod ros;
 mod scene;
 mod server;
 mod topics;
+mod uplink;
 pub mod urdf;
 
 pub use server::{GroundConfig, GroundError};
@@ -23,15 +27,22 @@ pub use topics::AllTopics;
 use downlink::Downlink;
 use frames::Frames;
 use fss_bus::{Bus, Output, Service, Time, outputs};
-use fss_messages::{Event, topic};
+use fss_messages::{Event, MissionCommand, Parameters, topic};
 use fss_plant::Plant;
 use scene::Scene;
 use server::Server;
+use uplink::{Outlets, Uplink};
+
+const NAME: &str = "ground";
 
 outputs! {
     /// What the service says.
     pub struct Outputs {
-        /// Clients that come and go.
+        /// What viewers want of parameters.
+        parameters: Output<Parameters> = topic::PARAMETERS_COMMAND,
+        /// What viewers want of the mission.
+        mission: Output<MissionCommand> = topic::MISSION_COMMAND,
+        /// Viewers that come, go and ask.
         events: Output<Event> = topic::EVENTS,
     }
 }
@@ -41,6 +52,7 @@ pub struct Ground {
     downlink: Downlink,
     frames: Frames,
     scene: Scene,
+    uplink: Uplink,
     server: Server,
 }
 
@@ -54,7 +66,9 @@ impl Ground {
         let downlink = Downlink::new(&context, bus)?;
         let frames = Frames::new(&context, plant, bus)?;
         let scene = Scene::new(&context, plant, bus);
-        Ok(Self { downlink, frames, scene, server: Server::start(config, &context)? })
+        let uplink = Uplink::new(config.commands);
+        let server = Server::start(config, &context, &uplink, bus)?;
+        Ok(Self { downlink, frames, scene, uplink, server })
     }
 
     /// The port that it listens at.
@@ -71,15 +85,18 @@ impl Ground {
 impl Service for Ground {
     type Inputs = AllTopics;
     type Outputs = Outputs;
-    const NAME: &'static str = "ground";
+    const NAME: &'static str = NAME;
 
     /// Unlike a flight service it allocates: each client's queue holds copies of its own.
     fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
         self.downlink.send(inputs);
         self.frames.send(now, inputs);
         self.scene.send(now, inputs);
+        let Outputs { parameters, mission, events } = outputs;
+        self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });
+        self.server.tell(self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
         while let Some(words) = self.server.next_words() {
-            outputs.events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
+            events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
         }
     }
 }

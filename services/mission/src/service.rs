@@ -5,7 +5,9 @@ use crate::target::TargetTracker;
 use crate::trouble::Trouble;
 use crate::{ArmGoal, BaseGoal, Condition, Mission, Phase};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
-use fss_messages::{ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionState, MocapPose, NavState, topic};
+use fss_messages::{
+    ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionCommand, MissionState, MocapPose, NavState, topic,
+};
 use fss_multibody::{Model, State};
 use fss_plant::Plant;
 
@@ -55,6 +57,8 @@ inputs! {
         arm: Latest<ArmCommand> = topic::ARM_COMMAND,
         /// Motion capture of the target, where there is one.
         target: Latest<MocapPose> = topic::MOCAP_TARGET,
+        /// What the ground commands.
+        command: Latest<MissionCommand> = topic::MISSION_COMMAND,
     }
 }
 
@@ -158,6 +162,21 @@ impl MissionService {
 
     fn is_on_abort_path(&self) -> bool {
         self.sample.phase as usize >= self.mission.phases.len()
+    }
+
+    /// Does what the ground commands, unless the mission has ended or the word is old.
+    fn obey(&mut self, now: Time, inputs: &Inputs, events: &mut Output<Event>) {
+        let Some(command) = inputs.command.fresh().filter(|c| now.age_ns(c.stamp_ns) <= self.config.max_age_ns) else {
+            return;
+        };
+        match (self.sample.state, command.command) {
+            (MissionState::RUNNING, MissionCommand::ABORT) => self.give_up(now, Trouble::Commanded, inputs, events),
+            (MissionState::RUNNING | MissionState::WAITING, _) => {
+                events.publish(event(now, Event::ERROR, format_args!("mission aborted: {}", Trouble::Commanded)));
+                self.end(MissionState::ABORTED);
+            }
+            _ => {}
+        }
     }
 
     /// The way out, where there is one and the trouble leaves it; else the end.
@@ -351,6 +370,7 @@ impl Service for MissionService {
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
         self.look(now, inputs);
+        self.obey(now, inputs, &mut outputs.events);
         match self.sample.state {
             MissionState::WAITING => self.wait(now, inputs, &mut outputs.events),
             MissionState::RUNNING => self.run(now, inputs, &mut outputs.events),

@@ -14,6 +14,7 @@ pub(crate) enum Trouble {
     TargetDropped,
     TimedOut,
     OffTable,
+    Commanded,
 }
 
 impl Trouble {
@@ -24,7 +25,7 @@ impl Trouble {
 
     /// Whether the vehicle can still fly a way out.
     pub(crate) fn leaves_a_way_out(self) -> bool {
-        matches!(self, Self::ArmBlocked | Self::TargetLost | Self::TargetDropped | Self::TimedOut)
+        matches!(self, Self::ArmBlocked | Self::TargetLost | Self::TargetDropped | Self::TimedOut | Self::Commanded)
     }
 }
 
@@ -42,6 +43,7 @@ impl core::fmt::Display for Trouble {
             Self::TargetDropped => write!(f, "the target is not held any more: the gripper has lost it"),
             Self::TimedOut => write!(f, "the phase's condition did not come in time"),
             Self::OffTable => write!(f, "the base is about to leave the table"),
+            Self::Commanded => write!(f, "the ground commands it"),
         }
     }
 }

@@ -132,6 +132,7 @@ fn mission<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, MissionServic
             FromTopic::open(bus, &tape.links).into_diagnostic()?,
             FromTopic::open(bus, &tape.arm).into_diagnostic()?,
             FromTopic::open(bus, &tape.mocap_target).into_diagnostic()?,
+            FromTopic::open(bus, &tape.mission_command).into_diagnostic()?,
         ],
         [&tape.mission, &tape.events]
     )
@@ -147,8 +148,9 @@ fn arm<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, ArmService>> {
             FromTopic::open(bus, &tape.links).into_diagnostic()?,
             FromTopic::open(bus, &tape.mission).into_diagnostic()?,
             FromTopic::open(bus, &tape.mocap_end_effector).into_diagnostic()?,
+            FromTopic::open(bus, &tape.parameters_command).into_diagnostic()?,
         ],
-        [&tape.arm, &tape.events]
+        [&tape.arm, &tape.parameters_state, &tape.events]
     )
 }
 
@@ -178,8 +180,9 @@ fn base<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Base>> {
             FromTopic::open(bus, &tape.nav).into_diagnostic()?,
             FromTopic::open(bus, &tape.mission).into_diagnostic()?,
             FromTopic::open(bus, &tape.links).into_diagnostic()?,
+            FromTopic::open(bus, &tape.parameters_command).into_diagnostic()?,
         ],
-        [&tape.base, &tape.thrusters, &tape.events]
+        [&tape.base, &tape.thrusters, &tape.parameters_state, &tape.events]
     )
 }
 

@@ -2,8 +2,8 @@
 
 use fss_messages::topic::{self, Topic};
 use fss_messages::{
-    ArmCommand, BaseCommand, Event, GyroRate, LinkDatagram, LinksState, MissionState, MocapPose, NavState, Posture,
-    Sample, Step, ThrustersCommand, ThrustersState, text_of,
+    ArmCommand, BaseCommand, Event, GyroRate, LinkDatagram, LinksState, MissionCommand, MissionState, MocapPose,
+    NavState, Parameters, Posture, Sample, Step, ThrustersCommand, ThrustersState, text_of,
 };
 use fss_records::log::{Log, LogError, Samples};
 
@@ -80,6 +80,9 @@ tape! {
     thrusters: ThrustersCommand = THRUSTERS_COMMAND,
     valves: ThrustersState = THRUSTERS_STATE,
     postures: Posture = CALIBRATION_POSTURE,
+    mission_command: MissionCommand = MISSION_COMMAND,
+    parameters_command: Parameters = PARAMETERS_COMMAND,
+    parameters_state: Parameters = PARAMETERS_STATE,
     events: Event = EVENTS,
 }
 

@@ -12,6 +12,7 @@ use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Tim
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
+use fss_ground::urdf::urdf;
 use fss_ground::{Ground, GroundConfig};
 use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
@@ -137,7 +138,7 @@ fn ground(site: &Site) -> Result<()> {
     // Refused or not, it is no real-time process.
     let _ = rustix::process::setpriority_process(None, NICE_TO_THE_FLIGHT);
     let name = ["fss", &site.launch.vehicle, &site.stack.mission.name].join(" ").replace("  ", " ");
-    let config = GroundConfig { listen: where_to.listen, name };
+    let config = GroundConfig { listen: where_to.listen, name, commands: where_to.commands };
     let ground =
         Ground::listen(&config, &site.stack.plant, &site.bus).into_diagnostic().wrap_err("ground ([ground] listen)")?;
     site.fly(ground, || ())?.close();
@@ -153,6 +154,9 @@ fn log_name(starts: u32, part: u32) -> String {
         _ => format!("run-{starts}.part{part}.mcap"),
     }
 }
+
+/// The vehicle as viewers draw it, made from the plant file.
+const URDF_FILE: &str = "vehicle.urdf";
 
 /// What each log of a run says about it: the stack's files and the facts of the build and the host.
 pub struct Description {
@@ -182,7 +186,9 @@ impl Description {
         if stack.launch.schedule("lab").is_some() {
             facts.insert("seed".to_owned(), seed.to_string());
         }
-        Ok(Self { files: stack.attachments()?, facts })
+        let mut files = stack.attachments()?;
+        files.push((URDF_FILE, urdf(&stack.plant)));
+        Ok(Self { files, facts })
     }
 
     /// Puts it into a log.
@@ -191,7 +197,8 @@ impl Description {
     /// Where the log refuses.
     pub fn write_to(&self, log: &mut LogWriter) -> Result<(), LogError> {
         for (name, text) in &self.files {
-            log.attach(name, "application/toml", text)?;
+            let media_type = if *name == URDF_FILE { "application/xml" } else { "application/toml" };
+            log.attach(name, media_type, text)?;
         }
         log.metadata("fss", self.facts.clone())
     }
