@@ -23,6 +23,9 @@ mod workspace;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
 /// Flight software, simulator and calibration for a floating spacecraft simulator with a modular arm.
 #[derive(Parser)]
@@ -82,10 +85,9 @@ enum Command {
 }
 
 fn main() -> miette::Result<ExitCode> {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    let words = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let words = words.with_filter(EnvFilter::from_default_env());
+    tracing_subscriber::registry().with(words).with(fss_ground::overflow_layer()).init();
     match Cli::parse().command {
         Command::Run(args) => run::run(&args),
         Command::Campaign(args) => campaign::run(&args),

@@ -9,11 +9,12 @@
 //! bounds ([`fss_messages::parameter`]) and abort the mission; each such word is an event, a sample and so in the log.
 //!
 //! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
-//! slow client does not fetch is dropped from that client's own bounded queue.
+//! slow client does not fetch is dropped from that client's own bounded queue, which is said ([`overflow_layer`]).
 
 mod cdr;
 mod downlink;
 mod frames;
+mod overflow;
 mod ros;
 mod scene;
 mod server;
@@ -21,6 +22,7 @@ mod topics;
 mod uplink;
 pub mod urdf;
 
+pub use overflow::overflow_layer;
 pub use server::{GroundConfig, GroundError};
 pub use topics::AllTopics;
 
@@ -95,6 +97,10 @@ impl Service for Ground {
         let Outputs { parameters, mission, events } = outputs;
         self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });
         self.server.tell(self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
+        while let Some(viewer) = overflow::next_slow_viewer() {
+            let words = format_args!("the viewer at {viewer} reads too slowly: its oldest messages are dropped");
+            events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, words));
+        }
         while let Some(words) = self.server.next_words() {
             events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
         }
