@@ -356,6 +356,7 @@ fn a_viewer_tunes_within_bounds_and_aborts_and_the_log_replays_bit_for_bit() {
     assert_eq!(outcome, "aborted");
     let said: Vec<_> = log.samples::<Event>("/events").unwrap().iter().map(|e| text_of(&e.text).to_owned()).collect();
     for words in [
+        &format!("listens at {address} and takes commands"),
         "base_bandwidth_rad_s = 0.6 (was 0.45)",
         "arm_max_rate_rad_s = 0.1 (was 0.3)",
         "base_bandwidth_rad_s = 60 refused: it lies between 0.1 and 1.2",

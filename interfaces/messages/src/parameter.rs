@@ -46,14 +46,18 @@ impl Parameters {
     /// A sample that says nothing of any parameter.
     pub fn silent() -> Self {
         let mut values = Self::default();
-        PARAMETERS.iter().for_each(|parameter| (parameter.set)(&mut values, f64::NAN));
+        for parameter in PARAMETERS {
+            (parameter.set)(&mut values, f64::NAN);
+        }
         values
     }
 
     /// All at their defaults.
     pub fn defaults() -> Self {
         let mut values = Self::default();
-        PARAMETERS.iter().for_each(|parameter| (parameter.set)(&mut values, parameter.default));
+        for parameter in PARAMETERS {
+            (parameter.set)(&mut values, parameter.default);
+        }
         values
     }
 }
@@ -122,6 +126,7 @@ fn own(service: &'static str) -> impl Iterator<Item = &'static Parameter> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::{Sample, text_of};

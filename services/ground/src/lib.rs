@@ -56,6 +56,8 @@ pub struct Ground {
     scene: Scene,
     uplink: Uplink,
     server: Server,
+    /// What is to be said of the address, once.
+    address: Option<String>,
 }
 
 impl Ground {
@@ -70,12 +72,9 @@ impl Ground {
         let scene = Scene::new(&context, plant, bus);
         let uplink = Uplink::new(config.commands);
         let server = Server::start(config, &context, &uplink, bus)?;
-        Ok(Self { downlink, frames, scene, uplink, server })
-    }
-
-    /// The port that it listens at.
-    pub fn port(&self) -> u16 {
-        self.server.port()
+        let what = if config.commands { "and takes commands" } else { "and only shows" };
+        let address = Some(format!("listens at {}:{} {what}", config.listen.ip(), server.port()));
+        Ok(Self { downlink, frames, scene, uplink, server, address })
     }
 
     /// Says goodbye to the clients.
@@ -97,6 +96,9 @@ impl Service for Ground {
         let Outputs { parameters, mission, events } = outputs;
         self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });
         self.server.tell(self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
+        if let Some(words) = self.address.take() {
+            events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
+        }
         while let Some(viewer) = overflow::next_slow_viewer() {
             let words = format_args!("the viewer at {viewer} reads too slowly: its oldest messages are dropped");
             events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, words));

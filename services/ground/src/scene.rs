@@ -83,7 +83,8 @@ impl Scene {
     fn plumes(&self, now: Time) -> SceneEntity {
         let fired = self.plumes.iter().enumerate().filter(|(i, _)| self.fired & (1 << i) != 0);
         let points = fired.flat_map(|(_, corners)| corners.map(|[x, y]| Point3 { x, y, z: ARM_HEIGHT_M })).collect();
-        let triangles = TriangleListPrimitive { points, color: color([0.4, 0.8, 1.0, 0.8]), ..Default::default() };
+        let triangles =
+            TriangleListPrimitive { points, color: Some(color([0.4, 0.8, 1.0, 0.8])), ..Default::default() };
         SceneEntity { triangles: vec![triangles], frame_locked: true, ..entity("plumes", &self.base, now) }
     }
 
@@ -94,7 +95,7 @@ impl Scene {
             r#type: line_primitive::Type::LineLoop as i32,
             thickness: 0.02,
             points: [(-x, -y), (x, -y), (x, y), (-x, y)].map(corner).to_vec(),
-            color: color([0.6, 0.6, 0.6, 1.0]),
+            color: Some(color([0.6, 0.6, 0.6, 1.0])),
             ..Default::default()
         };
         SceneEntity { lines: vec![outline], ..entity("table", TABLE, now) }
@@ -109,7 +110,7 @@ impl Scene {
             size: Some(Vector3 { x: 2.0 * radius_m, y: 2.0 * radius_m, z: 2.0 * ARM_HEIGHT_M }),
             bottom_scale: 1.0,
             top_scale: 1.0,
-            color: color([0.85, 0.55, 0.2, 0.9]),
+            color: Some(color([0.85, 0.55, 0.2, 0.9])),
         };
         SceneEntity { cylinders: vec![disc], frame_locked: true, ..entity("target", &self.target, now) }
     }
@@ -127,6 +128,6 @@ fn entity(id: &str, frame: &str, now: Time) -> SceneEntity {
     }
 }
 
-fn color([r, g, b, a]: [f64; 4]) -> Option<Color> {
-    Some(Color { r, g, b, a })
+fn color([r, g, b, a]: [f64; 4]) -> Color {
+    Color { r, g, b, a }
 }
