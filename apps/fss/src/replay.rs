@@ -19,6 +19,7 @@ const NOT_REPLAYED: &[(&str, &str)] = &[
     ("lab", "it is the world, not a service"),
     ("recorder", "the log is what it made"),
     ("ground", "it only shows what others said"),
+    ("bridge", "what it passes on is another vehicle's, and in the log"),
     ("commands to the links and masks to the valves", "they leave for the devices and are not recorded as sent"),
     ("/health and the events of starting", "they come from the clock of the process, not from a step"),
 ];
@@ -58,7 +59,7 @@ pub fn run(args: &ReplayArgs) -> ExitCode {
 fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     let logs = args.logs.iter().map(|path| Log::open(path)).collect::<Result<Vec<_>, _>>().into_diagnostic()?;
     let stack = Stack::of_log(&logs[0])?;
-    let tape = Tape::read(&logs, &stack.launch.vehicle).into_diagnostic()?;
+    let tape = Tape::read(&logs, &stack.launch).into_diagnostic()?;
     if tape.steps.is_empty() {
         return Err(miette!(
             help = "fly again with this version: it records each step on /steps",

@@ -1,5 +1,6 @@
 //! `fss top`: a running stack, live: rates, jitter, ages, health, batteries, valves.
 
+use crate::run::stack::Stack;
 use clap::Args;
 use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, NavState, ThrustersState, text_of, topic};
@@ -7,17 +8,18 @@ use miette::{IntoDiagnostic, Result, miette};
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Which stack, and how.
 #[derive(Args)]
 pub struct TopArgs {
-    /// Prefix of the stack in shared memory; that of the only stack that runs where absent.
+    /// Prefix of the stack in shared memory; that of the vehicle, or of the only stack that runs, where absent.
     #[arg(long)]
     bus: Option<String>,
-    /// The vehicle's name, where the launch file gives one.
-    #[arg(long, default_value = "")]
-    vehicle: String,
+    /// The vehicle's name in its launch file; as the stack says where absent.
+    #[arg(long)]
+    vehicle: Option<String>,
     /// Show it once, after two seconds.
     #[arg(long)]
     once: bool,
@@ -32,9 +34,13 @@ const EVENTS: usize = 8;
 
 /// Shows the stack until it is interrupted.
 pub fn run(args: &TopArgs) -> Result<()> {
-    let prefix = args.bus.clone().map_or_else(only_stack, Ok)?;
-    let bus =
-        Bus::shared(&SharedConfig { node: "top".to_owned(), prefix }).into_diagnostic()?.for_vehicle(&args.vehicle);
+    let prefix = match (&args.bus, &args.vehicle) {
+        (Some(prefix), _) => prefix.clone(),
+        (None, Some(vehicle)) => stack_of(vehicle)?,
+        (None, None) => only_stack()?,
+    };
+    let vehicle = args.vehicle.clone().or_else(|| vehicle_of(&prefix)).unwrap_or_default();
+    let bus = Bus::shared(&SharedConfig { node: "top".to_owned(), prefix }).into_diagnostic()?.for_vehicle(&vehicle);
     let mut view = View::open(&bus)?;
     for round in 1.. {
         std::thread::sleep(PERIOD);
@@ -56,8 +62,43 @@ pub fn run(args: &TopArgs) -> Result<()> {
     Ok(())
 }
 
-/// The prefix of the stack that runs, from the launcher's process number that it carries.
+/// The prefix of the stack that runs.
 pub fn only_stack() -> Result<String> {
+    let stacks = stacks()?;
+    match stacks.as_slice() {
+        [only] => Ok(only.clone()),
+        [] => Err(miette!(help = "start one with `fss run`, or name it with --bus", "no stack runs")),
+        several => Err(miette!(help = "name one with --bus", "several stacks run: {}", list(several))),
+    }
+}
+
+/// The prefix of the stack of a vehicle.
+fn stack_of(vehicle: &str) -> Result<String> {
+    let stacks = stacks()?;
+    let of_vehicle = |prefix: &&String| vehicle_of(prefix).is_some_and(|name| name == vehicle);
+    let found: Vec<&String> = stacks.iter().filter(of_vehicle).collect();
+    match found[..] {
+        [only] => Ok(only.clone()),
+        _ => Err(miette!(
+            help = "vehicle = \"...\" in its launch file names it; --bus names a stack by its prefix",
+            "{} stacks of a vehicle '{vehicle}' run, of all these: {}",
+            found.len(),
+            list(&stacks)
+        )),
+    }
+}
+
+/// Each stack with its vehicle's name.
+fn list(stacks: &[String]) -> String {
+    let named = |prefix: &String| match vehicle_of(prefix).filter(|name| !name.is_empty()) {
+        Some(vehicle) => format!("{prefix} ({vehicle})"),
+        None => prefix.clone(),
+    };
+    stacks.iter().map(named).collect::<Vec<_>>().join(", ")
+}
+
+/// The prefixes of all stacks that run, from the launchers' process numbers that they carry.
+fn stacks() -> Result<Vec<String>> {
     let names = std::fs::read_dir("/dev/shm")
         .into_diagnostic()?
         .flatten()
@@ -69,11 +110,22 @@ pub fn only_stack() -> Result<String> {
     let mut stacks: Vec<String> = names.filter_map(prefix).collect();
     stacks.sort();
     stacks.dedup();
-    match stacks.as_slice() {
-        [only] => Ok(only.clone()),
-        [] => Err(miette!(help = "start one with `fss run`, or name it with --bus", "no stack runs")),
-        several => Err(miette!(help = "name one with --bus", "several stacks run: {}", several.join(", "))),
-    }
+    Ok(stacks)
+}
+
+/// The vehicle of a stack, as the launch file in the folder of its run says.
+fn vehicle_of(prefix: &str) -> Option<String> {
+    Stack::in_folder(&folder_of(prefix)?).ok().map(|stack| stack.launch.vehicle)
+}
+
+/// The folder that the stack's processes were started in, from their command lines.
+pub fn folder_of(prefix: &str) -> Option<PathBuf> {
+    let processes = std::fs::read_dir("/proc").ok()?.flatten();
+    processes.filter_map(|entry| std::fs::read(entry.path().join("cmdline")).ok()).find_map(|line| {
+        let words: Vec<String> = line.split(|b| *b == 0).map(|w| String::from_utf8_lossy(w).into_owned()).collect();
+        let after = |name: &str| words.iter().position(|word| word == name).and_then(|i| words.get(i + 1));
+        (after("--bus").is_some_and(|bus| bus == prefix)).then(|| after("--run").map(PathBuf::from))?
+    })
 }
 
 /// What is shown.

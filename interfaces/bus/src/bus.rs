@@ -1,15 +1,17 @@
 //! One process's access to the topics and device queues of a stack.
 
 use crate::BusError;
+use crate::launch::{ForeignTopic, Launch};
 use crate::local::LocalTopics;
 use crate::port::{Sink, Source};
 use crate::shared::{SharedConfig, SharedTopics};
 use crossbeam::queue::ArrayQueue;
 use fss_messages::Sample;
-use fss_messages::topic::Topic;
+use fss_messages::topic::{self, Owner, Topic};
 use std::any::Any;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// A bounded lock-free queue between a device's thread and a service.
@@ -20,11 +22,43 @@ enum Transport {
     Shared(SharedTopics),
 }
 
+type Queues = Rc<RefCell<BTreeMap<&'static str, Box<dyn Any>>>>;
+
+/// What a stack has to do with other vehicles, as its launch file says.
+#[derive(Clone, Debug, Default)]
+pub struct Neighbours {
+    /// The vehicle that is this one's target.
+    pub target: Option<String>,
+    /// The topics of this stack that others may hear.
+    pub shared: Vec<String>,
+    /// The topics of others that are heard here, in the names of their vehicles.
+    pub heard: Vec<ForeignTopic>,
+}
+
+impl Neighbours {
+    /// The topics that come over the network: all that are heard except what the bridge itself says.
+    pub fn received(&self) -> impl Iterator<Item = &ForeignTopic> {
+        self.heard.iter().filter(|foreign| foreign.topic != topic::PEER.name)
+    }
+
+    /// The vehicles of which something is heard, in the order in which they occur.
+    pub fn vehicles(&self) -> Vec<&str> {
+        let mut vehicles: Vec<&str> = Vec::new();
+        for foreign in &self.heard {
+            if !vehicles.contains(&foreign.vehicle.as_str()) {
+                vehicles.push(&foreign.vehicle);
+            }
+        }
+        vehicles
+    }
+}
+
 /// Topics and device queues, in local or in shared memory.
 pub struct Bus {
-    transport: Transport,
+    transport: Rc<Transport>,
     vehicle: String,
-    queues: RefCell<BTreeMap<&'static str, Box<dyn Any>>>,
+    neighbours: Neighbours,
+    queues: Queues,
 }
 
 impl Bus {
@@ -42,13 +76,30 @@ impl Bus {
     }
 
     fn new(transport: Transport) -> Self {
-        Self { transport, vehicle: String::new(), queues: RefCell::default() }
+        let (transport, vehicle) = (Rc::new(transport), String::new());
+        Self { transport, vehicle, neighbours: Neighbours::default(), queues: Queues::default() }
+    }
+
+    /// As the stack of this launch file has it: its vehicle's name, and its neighbours'.
+    pub fn for_stack(self, launch: &Launch) -> Self {
+        Self { neighbours: launch.neighbours(), ..self.for_vehicle(&launch.vehicle) }
     }
 
     /// Puts the vehicle's name in front of every topic: `/chaser/nav/state`. Empty: nothing.
     pub fn for_vehicle(mut self, vehicle: &str) -> Self {
         self.vehicle = if vehicle.is_empty() { String::new() } else { format!("/{vehicle}") };
         self
+    }
+
+    /// The same memory and queues, with another vehicle's name in front of every topic.
+    pub fn of_vehicle(&self, vehicle: &str) -> Self {
+        let (transport, queues) = (self.transport.clone(), self.queues.clone());
+        Self { transport, vehicle: String::new(), neighbours: Neighbours::default(), queues }.for_vehicle(vehicle)
+    }
+
+    /// What the stack has to do with other vehicles.
+    pub fn neighbours(&self) -> &Neighbours {
+        &self.neighbours
     }
 
     /// A topic's name with the vehicle's in front.
@@ -66,9 +117,17 @@ impl Bus {
         queue.downcast_ref::<Queue<T>>().cloned().ok_or_else(|| BusError::Queue(name.to_owned()))
     }
 
+    /// The name under which a topic's owner publishes it; none where the stack has no target.
+    fn name_of<T: Sample>(&self, topic: Topic<T>) -> Option<String> {
+        match topic.owner {
+            Owner::This => Some(self.full_name(topic.name)),
+            Owner::Target => self.neighbours.target.as_ref().map(|target| format!("/{target}{}", topic.name)),
+        }
+    }
+
     pub(crate) fn source<T: Sample>(&self, topic: Topic<T>, capacity: usize) -> Result<Source<T>, BusError> {
-        let name = self.full_name(topic.name);
-        match &self.transport {
+        let Some(name) = self.name_of(topic) else { return Ok(Source::Silent) };
+        match &*self.transport {
             Transport::Local(topics) => {
                 topics.subscribe(&name, capacity).map(Source::Local).ok_or_else(|| two_types::<T>(name))
             }
@@ -77,8 +136,8 @@ impl Bus {
     }
 
     pub(crate) fn sink<T: Sample>(&self, topic: Topic<T>) -> Result<Sink<T>, BusError> {
-        let name = self.full_name(topic.name);
-        match &self.transport {
+        let Some(name) = self.name_of(topic) else { return Ok(Sink::Silent) };
+        match &*self.transport {
             Transport::Local(topics) => topics.publisher(&name).map(Sink::Local).ok_or_else(|| two_types::<T>(name)),
             Transport::Shared(topics) => topics.publisher(&name).map(Sink::Shared),
         }

@@ -1,5 +1,9 @@
 //! The launch file: which services run, at what rates, with what priority, on which core. Nothing else decides that.
 
+mod bridge;
+
+pub use bridge::{Bridge, ForeignTopic};
+
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::ops::Range;
@@ -13,6 +17,9 @@ pub struct Launch {
     /// Name in front of every topic; empty for a stack alone on its host.
     #[serde(default)]
     pub vehicle: String,
+    /// The vehicle that is this one's target, and tells where it is while it can be heard.
+    #[serde(default)]
+    pub target_vehicle: Option<String>,
     /// Where the devices are.
     pub devices: Devices,
     /// How long a log may get.
@@ -24,6 +31,9 @@ pub struct Launch {
     /// Where `ground` serves the live view; absent: nowhere, and it is not started.
     #[serde(default)]
     pub ground: Option<Ground>,
+    /// What passes between this vehicle and others.
+    #[serde(default)]
+    pub bridge: Option<Bridge>,
     /// The services in the order of their start; they stop in the opposite order.
     #[serde(rename = "service")]
     pub services: Vec<Schedule>,
@@ -203,7 +213,7 @@ impl Launch {
                 return refuse(format!("the priority of '{name}' is out of range"), help, service.name.span());
             }
         }
-        Ok(())
+        self.check_neighbours()
     }
 
     /// The schedule of a service, if the launch file has it.

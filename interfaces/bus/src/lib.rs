@@ -27,7 +27,7 @@ mod shared;
 mod time;
 pub mod virtual_time;
 
-pub use bus::{Bus, Queue};
+pub use bus::{Bus, Neighbours, Queue};
 pub use error::BusError;
 pub use fss_messages::{MAX_PORTS, Step};
 pub use port::{Batch, DeviceOutput, Feed, InputPort, InputPorts, Latest, Output, OutputPort, OutputPorts, Taken};

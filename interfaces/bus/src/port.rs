@@ -11,6 +11,8 @@ use iceoryx2::prelude::ipc;
 
 /// Where samples come from.
 pub(crate) enum Source<T: Sample> {
+    /// A vehicle that there is not.
+    Silent,
     Local(LocalSubscriber<T>),
     Shared(Subscriber<ipc::Service, T, ()>),
 }
@@ -33,6 +35,7 @@ impl<T: Sample> Held<T> {
 impl<T: Sample> Source<T> {
     fn receive(&self) -> Option<Held<T>> {
         match self {
+            Self::Silent => None,
             Self::Local(subscriber) => subscriber.receive().map(Held::Own),
             // A connection that broke because the publisher died is no sample; age tells the service.
             Self::Shared(subscriber) => subscriber.receive().ok().flatten().map(Held::Borrowed),
@@ -42,6 +45,8 @@ impl<T: Sample> Source<T> {
 
 /// Where samples go to.
 pub(crate) enum Sink<T: Sample> {
+    /// A vehicle that there is not.
+    Silent,
     Local(LocalPublisher<T>),
     Shared(Publisher<ipc::Service, T, ()>),
 }
@@ -50,6 +55,7 @@ impl<T: Sample> Sink<T> {
     /// Whether it was sent.
     fn send(&self, sample: &T) -> bool {
         match self {
+            Self::Silent => true,
             Self::Local(publisher) => {
                 publisher.send(*sample);
                 true

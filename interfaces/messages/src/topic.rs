@@ -2,22 +2,38 @@
 
 use crate::{
     ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionCommand, MissionState,
-    MocapPose, NavState, Parameters, Posture, Sample, Step, ThrustersCommand, ThrustersState, TruthState,
+    MocapPose, NavState, Parameters, PeerState, Posture, Sample, Step, ThrustersCommand, ThrustersState, TruthState,
 };
 use core::marker::PhantomData;
+
+/// In whose name a topic is published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// This stack's vehicle.
+    This,
+    /// The vehicle that the launch file names as the target of this one; there may be none, and then nothing ever comes.
+    Target,
+}
 
 /// A topic: a name and the type of its samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Topic<T> {
     /// ROS style name, without the vehicle's.
     pub name: &'static str,
+    /// Whose it is.
+    pub owner: Owner,
     sample: PhantomData<fn() -> T>,
 }
 
 impl<T: Sample> Topic<T> {
     /// A topic of this name.
     pub const fn new(name: &'static str) -> Self {
-        Self { name, sample: PhantomData }
+        Self { name, owner: Owner::This, sample: PhantomData }
+    }
+
+    /// The same topic of the vehicle that is this one's target.
+    pub const fn of_target(self) -> Self {
+        Self { name: self.name, owner: Owner::Target, sample: PhantomData }
     }
 }
 
@@ -88,6 +104,8 @@ topics! {
     HEALTH: Health = "/health",
     /// Each step of each service with the samples that it used, so that it can be computed again; published by every service.
     STEPS: Step = "/steps",
+    /// What the bridge of this host hears of the vehicle in whose name it says so; published by `bridge`.
+    PEER: PeerState = "/peer",
     /// What the simulated laboratory knows and no service may read; published by `lab`.
     TRUTH_STATE: TruthState = "/truth/state",
 }

@@ -1,4 +1,4 @@
-//! Device protocols: every byte that crosses between the vehicle's computer and a device.
+//! Device protocols: every byte that crosses between the vehicle's computer and a device, or another vehicle.
 //!
 //! | module | device | transport |
 //! | --- | --- | --- |
@@ -13,6 +13,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod bridge;
 mod bytes;
 pub mod dsp3000;
 pub mod link;

@@ -5,7 +5,7 @@
 //! The seed is printed; `FSS_FUZZ_SEED` and `FSS_FUZZ_ROUNDS` repeat or prolong a run.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_wire::{dsp3000, link, valves, vicon};
+use fss_wire::{bridge, dsp3000, link, valves, vicon};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -78,6 +78,20 @@ fn damaged_link_datagrams_are_refused() {
         let accepted = link::Command::decode(bytes, &key).is_ok() || link::Telemetry::decode(bytes).is_ok();
         assert_eq!(accepted, untouched, "{bytes:02x?}");
     });
+}
+
+#[test]
+fn a_damaged_envelope_is_refused_or_says_what_its_bytes_say() {
+    let envelope = bridge::Envelope { layout: 0x0123_4567_89ab_cdef, session: 1, number: 2, sent_ns: 3 };
+    let (mut read, mut refused) = (0, 0);
+    damage(&[envelope.encode().to_vec()], |bytes| match bridge::Envelope::decode(bytes) {
+        Ok(envelope) => {
+            assert_eq!(envelope.encode(), bytes);
+            read += 1;
+        }
+        Err(_) => refused += 1,
+    });
+    assert!(read > 100 && refused > 100, "the damage reaches both ends: {read} read, {refused} refused");
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod error;
 mod file;
 mod goals;
 mod service;
+mod sight;
 mod target;
 mod trouble;
 

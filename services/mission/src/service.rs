@@ -1,12 +1,13 @@
 //! Flies a mission: phase after phase, or the safe end.
 
 use crate::goals::{Meeting, carried, nearest_turn, open_valves, set_arm_goal, set_base_goal};
-use crate::target::TargetTracker;
+use crate::sight::Sight;
 use crate::trouble::Trouble;
 use crate::{ArmGoal, BaseGoal, Condition, Mission, Phase};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{
-    ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionCommand, MissionState, MocapPose, NavState, topic,
+    ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionCommand, MissionState, MocapPose, NavState,
+    PeerState, topic,
 };
 use fss_multibody::{Model, State};
 use fss_plant::Plant;
@@ -59,6 +60,10 @@ inputs! {
         target: Latest<MocapPose> = topic::MOCAP_TARGET,
         /// What the ground commands.
         command: Latest<MissionCommand> = topic::MISSION_COMMAND,
+        /// Navigation state of the target, where that is a vehicle and speaks; its times are on its own clock.
+        target_nav: Latest<NavState> = topic::NAV_STATE.of_target(),
+        /// What brings these times to this host's clock.
+        target_peer: Latest<PeerState> = topic::PEER.of_target(),
     }
 }
 
@@ -82,7 +87,7 @@ pub struct MissionService {
     phase_end: Time,
     /// Since when the phase's condition holds.
     met_since: Option<Time>,
-    tracker: TargetTracker,
+    sight: Sight,
 }
 
 impl MissionService {
@@ -102,7 +107,7 @@ impl MissionService {
             since: None,
             phase_end: Time::default(),
             met_since: None,
-            tracker: TargetTracker::default(),
+            sight: Sight::default(),
         }
     }
 
@@ -212,7 +217,7 @@ impl MissionService {
         let Some(nav) = inputs.nav.within(now, self.config.max_age_ns) else { return false };
         let s = &self.sample;
         match condition {
-            Condition::TargetSeen => self.tracker.is_known(now),
+            Condition::TargetSeen => self.sight.is_known(now),
             Condition::Grasped => s.target_held != 0,
             Condition::Released => s.target_held == 0,
             Condition::Still { speed_m_s, omega_rad_s } => {
@@ -221,7 +226,7 @@ impl MissionService {
             Condition::Arrived { distance_m, speed_m_s } => {
                 let gone_s = now.age_ns(s.phase_start_ns) as f64 * 1e-9;
                 let apart: [f64; 3] = std::array::from_fn(|i| s.base_goal[i] + s.base_goal_rate[i] * gone_s);
-                let carried = (s.carrying != 0).then(|| (self.tracker.motion(now).pose, s.target_goal));
+                let carried = (s.carrying != 0).then(|| (self.sight.motion(now).pose, s.target_goal));
                 let (at, goal) = carried.unwrap_or(([nav.x_m, nav.y_m, nav.theta_rad], apart));
                 let rate = s.base_goal_rate;
                 // The leg is not over before its time, however near the goal is.
@@ -261,7 +266,7 @@ impl MissionService {
             BaseGoal::Carry { pose } => {
                 s.carrying = 1;
                 s.target_goal = pose;
-                s.base_goal = carried(here, self.tracker.motion(start).pose, pose);
+                s.base_goal = carried(here, self.sight.motion(start).pose, pose);
             }
             _ => {}
         }
@@ -290,7 +295,7 @@ impl MissionService {
         let meeting = Meeting {
             model,
             q_rad,
-            target: self.tracker.motion(start),
+            target: self.sight.motion(start),
             radius_m: target.body.radius_m,
             standoff_m,
             grasp_after_s,
@@ -299,9 +304,15 @@ impl MissionService {
     }
 
     /// Takes in where the target is and whether it is held.
-    fn look(&mut self, now: Time, inputs: &Inputs) {
-        if let Some(mocap) = inputs.target.fresh() {
-            self.tracker.update(mocap, self.sample.target_held != 0);
+    fn look(&mut self, now: Time, inputs: &Inputs, events: &mut Output<Event>) {
+        let is_held = self.sample.target_held != 0;
+        let Inputs { target, target_nav, target_peer, .. } = inputs;
+        if self.sight.look(now, target.fresh(), is_held, target_nav.get(), target_peer.get()) {
+            events.publish(if self.sight.is_by_word() {
+                event(now, Event::INFO, format_args!("the target speaks: its own navigation counts"))
+            } else {
+                event(now, Event::WARNING, format_args!("the target's word is stale: motion capture counts"))
+            });
         }
         if let Some(links) = inputs.links.within(now, self.config.max_age_ns) {
             let last = (links.link_count as usize).clamp(1, MAX_LINKS) - 1;
@@ -310,9 +321,9 @@ impl MissionService {
     }
 
     fn tell_of_target(&mut self, now: Time) {
-        let motion = self.tracker.motion(now);
+        let motion = self.sight.tell(now);
         (self.sample.target, self.sample.target_rate) = (motion.pose, motion.rate);
-        self.sample.target_seen = u8::from(self.tracker.is_known(now));
+        self.sample.target_seen = u8::from(self.sight.is_known(now));
     }
 
     /// The safe end: thrusters shut, joints held.
@@ -337,7 +348,7 @@ impl MissionService {
         if running && self.config.edges_m.is_some_and(|[x, y]| nav.x_m.abs() > x || nav.y_m.abs() > y) {
             return Some(Trouble::OffTable);
         }
-        if phase.is_some_and(Phase::needs_target) && self.sample.target_held == 0 && self.tracker.is_lost(now) {
+        if phase.is_some_and(Phase::needs_target) && self.sample.target_held == 0 && self.sight.is_lost(now) {
             return Some(Trouble::TargetLost);
         }
         if running && self.sample.carrying != 0 && self.sample.target_held == 0 {
@@ -369,7 +380,7 @@ impl Service for MissionService {
     const NAME: &'static str = "mission";
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
-        self.look(now, inputs);
+        self.look(now, inputs, &mut outputs.events);
         self.obey(now, inputs, &mut outputs.events);
         match self.sample.state {
             MissionState::WAITING => self.wait(now, inputs, &mut outputs.events),

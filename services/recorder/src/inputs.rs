@@ -10,13 +10,13 @@ use fss_records::log::LogWriter;
 /// Length of a service's name in samples that several services publish.
 const SERVICE_LEN: usize = 16;
 
-/// All topics, as they are recorded.
+/// All topics of this stack, and those of other vehicles that are heard here, as they are recorded.
 pub struct AllTopics {
     topics: Vec<Box<dyn TopicInput>>,
 }
 
 impl AllTopics {
-    /// The topics, in the order of [`topic::NAMES`].
+    /// The topics, in the order of [`topic::NAMES`], and behind them those of other vehicles.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &dyn TopicInput> {
         self.topics.iter().map(AsRef::as_ref)
     }
@@ -62,6 +62,8 @@ struct Input<T: Sample> {
     batch: Batch<T>,
     /// Where the sample names its publisher, if several services publish on the topic.
     service_offset: Option<usize>,
+    /// Whether it came over the network, which may lose samples.
+    is_foreign: bool,
 }
 
 impl<T: Sample> TopicInput for Input<T> {
@@ -84,6 +86,9 @@ impl<T: Sample> TopicInput for Input<T> {
     }
 
     fn count_gaps(&self, publishers: &mut Publishers) -> u64 {
+        if self.is_foreign {
+            return 0;
+        }
         let missing = |sample: &T| {
             let mut name = [0; SERVICE_LEN];
             if let Some(field) = self.service_offset.and_then(|at| sample.as_bytes().get(at..at + SERVICE_LEN)) {
@@ -97,29 +102,45 @@ impl<T: Sample> TopicInput for Input<T> {
 
 struct Opener<'a> {
     bus: &'a Bus,
-    opened: Result<Vec<Box<dyn TopicInput>>, BusError>,
+    /// The one topic of another vehicle; all of this one where absent.
+    only: Option<&'static str>,
+    opened: &'a mut Vec<Box<dyn TopicInput>>,
+    outcome: Result<(), BusError>,
 }
 
 impl TopicVisitor for Opener<'_> {
     fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
-        let Ok(inputs) = &mut self.opened else { return };
+        if self.outcome.is_err() || self.only.is_some_and(|only| only != topic.name) {
+            return;
+        }
         match Batch::open(self.bus, topic) {
             Ok(batch) => {
                 let service_offset = T::FIELDS.iter().find(|field| field.name == "service").map(|field| field.offset);
-                inputs.push(Box::new(Input::<T> { batch, service_offset }));
+                let is_foreign = self.only.is_some();
+                self.opened.push(Box::new(Input::<T> { batch, service_offset, is_foreign }));
             }
-            Err(e) => self.opened = Err(e),
+            Err(e) => self.outcome = Err(e),
         }
     }
+}
+
+/// Visits all topics of a stack and then, one after another, those of other vehicles that are heard in it.
+fn visit_all<E>(bus: &Bus, mut visit: impl FnMut(&Bus, Option<&'static str>) -> Result<(), E>) -> Result<(), E> {
+    visit(bus, None)?;
+    bus.neighbours().heard.iter().try_for_each(|foreign| visit(&bus.of_vehicle(&foreign.vehicle), Some(foreign.topic)))
 }
 
 impl InputPorts for AllTopics {
     const NAMES: &'static [&'static str] = topic::NAMES;
 
     fn open(bus: &Bus) -> Result<Self, BusError> {
-        let mut opener = Opener { bus, opened: Ok(Vec::new()) };
-        topic::visit(&mut opener);
-        Ok(Self { topics: opener.opened? })
+        let mut topics = Vec::new();
+        visit_all(bus, |bus, only| {
+            let mut opener = Opener { bus, only, opened: &mut topics, outcome: Ok(()) };
+            topic::visit(&mut opener);
+            opener.outcome
+        })?;
+        Ok(Self { topics })
     }
 
     fn refresh(&mut self) {
@@ -142,18 +163,30 @@ impl InputPorts for AllTopics {
 
 struct Definitions<'a> {
     bus: &'a Bus,
-    definitions: Vec<Definition>,
+    only: Option<&'static str>,
+    definitions: &'a mut Vec<Definition>,
 }
 
 impl TopicVisitor for Definitions<'_> {
     fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
-        self.definitions.push(Definition { topic: self.bus.full_name(topic.name), add: LogWriter::add_topic::<T> });
+        if self.only.is_none_or(|only| only == topic.name) {
+            self.definitions.push(Definition {
+                topic: self.bus.full_name(topic.name),
+                // What the bridge itself says of another vehicle is on this host's clock.
+                has_own_clock: self.only.is_some_and(|only| only != topic::PEER.name),
+                add: LogWriter::add_topic::<T>,
+            });
+        }
     }
 }
 
-/// How each topic is entered in a log, in the order of [`topic::NAMES`].
+/// How each topic is entered in a log, in the order of [`AllTopics::iter`].
 pub(crate) fn definitions(bus: &Bus) -> Vec<Definition> {
-    let mut definitions = Definitions { bus, definitions: Vec::new() };
-    topic::visit(&mut definitions);
-    definitions.definitions
+    let mut definitions = Vec::new();
+    let all: Result<(), std::convert::Infallible> = visit_all(bus, |bus, only| {
+        topic::visit(&mut Definitions { bus, only, definitions: &mut definitions });
+        Ok(())
+    });
+    let Ok(()) = all;
+    definitions
 }

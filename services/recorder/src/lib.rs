@@ -55,6 +55,7 @@ pub struct Recorder {
     handed_over_ns: u64,
     publishers: Vec<Publishers>,
     lost: Lost,
+    names: Vec<String>,
     told: Vec<u64>,
     told_ns: u64,
     words: Queue<Event>,
@@ -80,11 +81,21 @@ impl Recorder {
     fn new(bus: &Bus, open: Opener, limits: Limits, sink: impl FnOnce(Tape) -> Sink) -> Result<Self, LogError> {
         let definitions = inputs::definitions(bus);
         let count = definitions.len();
+        let names = definitions.iter().map(|definition| definition.topic.clone()).collect();
         let lost: Lost = Arc::new((0..count).map(|_| AtomicU64::new(0)).collect());
         let words = Arc::new(ArrayQueue::new(16));
         let tape = Tape::begin(open, definitions, limits, lost.clone(), words.clone())?;
         let publishers = vec![Publishers::default(); count];
-        Ok(Self { sink: sink(tape), handed_over_ns: 0, publishers, lost, told: vec![0; count], told_ns: 0, words })
+        Ok(Self {
+            sink: sink(tape),
+            handed_over_ns: 0,
+            publishers,
+            lost,
+            names,
+            told: vec![0; count],
+            told_ns: 0,
+            words,
+        })
     }
 
     /// Samples lost since the start, all topics together.
@@ -118,10 +129,10 @@ impl Recorder {
         if now.ns() < self.told_ns + TELL_PERIOD_NS {
             return;
         }
-        for ((name, lost), told) in topic::NAMES.iter().zip(self.lost.iter()).zip(&mut self.told) {
+        for ((name, lost), told) in self.names.iter().zip(self.lost.iter()).zip(&mut self.told) {
             let lost = lost.load(Ordering::Relaxed);
             // To tell of a lost event would lose the next.
-            if lost > *told && *name != topic::EVENTS.name {
+            if lost > *told && !name.ends_with(topic::EVENTS.name) {
                 let new = lost - *told;
                 let words = format_args!("{name}: {new} samples lost ({lost} since the start)");
                 events.publish(Event::new(now.ns(), NAME, Event::WARNING, words));

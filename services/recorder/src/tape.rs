@@ -30,6 +30,8 @@ pub struct Limits {
 /// How a topic is entered in a log.
 pub(crate) struct Definition {
     pub(crate) topic: String,
+    /// Whether its samples' times are another host's: they enter the log at the time of those that came with them.
+    pub(crate) has_own_clock: bool,
     pub(crate) add: fn(&mut LogWriter, &str) -> Result<Recorded, LogError>,
 }
 
@@ -98,7 +100,10 @@ impl Tape {
     /// Writes what a block holds; what cannot be written is counted.
     pub(crate) fn write(&mut self, block: &Block) {
         for (topic, sample) in block.iter() {
-            let Some(header) = header_of(sample) else { continue };
+            let Some(mut header) = header_of(sample) else { continue };
+            if self.definitions[topic].has_own_clock {
+                header.published_ns = self.now_ns;
+            }
             self.now_ns = self.now_ns.max(header.published_ns);
             self.look_after_disk();
             let Some(part) = &mut self.part else {

@@ -2,6 +2,7 @@
 
 use super::tape::{Recorded, Tape};
 use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Output, OutputPort, Runner, Service, Time};
+use fss_messages::topic::Owner;
 use fss_messages::{Field, Sample, Scalar, Step, text_of};
 use serde::Serialize;
 use std::fmt;
@@ -69,17 +70,26 @@ pub struct FromTopic<'a, T: Sample> {
     recorded: &'a Recorded<T>,
     port: Output<T>,
     held: u64,
+    /// Where the next sample is looked for, of a vehicle with another clock.
+    from: usize,
 }
 
 impl<'a, T: Sample> FromTopic<'a, T> {
     /// Of what was recorded of it.
     pub fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
-        Ok(Box::new(Self { recorded, port: Output::open(bus, recorded.topic)?, held: 0 }))
+        Ok(Box::new(Self { recorded, port: Output::open(bus, recorded.topic)?, held: 0, from: 0 }))
     }
 
     fn relay(&mut self, step: &Step, port: usize) -> Result<(), String> {
         let sequence = step.input[port];
-        let sample = self.recorded.of_sequence(sequence, step.published_ns).ok_or_else(|| {
+        let sample = match self.recorded.topic.owner {
+            Owner::This => self.recorded.of_sequence(sequence, step.published_ns),
+            Owner::Target => self.recorded.next_of_sequence(sequence, self.from).map(|(place, sample)| {
+                self.from = place;
+                sample
+            }),
+        };
+        let sample = sample.ok_or_else(|| {
             format!("{} has no sample {sequence} in the log, which step {} used", self.recorded.topic.name, step.step)
         })?;
         self.port.relay(sample);

@@ -35,7 +35,7 @@ pub fn replay_all(stack: &Stack, tape: &Tape) -> Result<Vec<Verdict>> {
 }
 
 fn bus(stack: &Stack) -> Bus {
-    Bus::local().for_vehicle(&stack.launch.vehicle)
+    Bus::local().for_stack(&stack.launch)
 }
 
 fn queue<T: Send + 'static>(bus: &Bus, name: &'static str) -> Result<Queue<T>> {
@@ -133,6 +133,8 @@ fn mission<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, MissionServic
             FromTopic::open(bus, &tape.arm).into_diagnostic()?,
             FromTopic::open(bus, &tape.mocap_target).into_diagnostic()?,
             FromTopic::open(bus, &tape.mission_command).into_diagnostic()?,
+            FromTopic::open(bus, &tape.target_nav).into_diagnostic()?,
+            FromTopic::open(bus, &tape.target_peer).into_diagnostic()?,
         ],
         [&tape.mission, &tape.events]
     )

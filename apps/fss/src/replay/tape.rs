@@ -1,9 +1,10 @@
 //! What a log holds of a flight, ready to be looked up by step.
 
-use fss_messages::topic::{self, Topic};
+use fss_bus::launch::Launch;
+use fss_messages::topic::{self, Owner, Topic};
 use fss_messages::{
     ArmCommand, BaseCommand, Event, GyroRate, LinkDatagram, LinksState, MissionCommand, MissionState, MocapPose,
-    NavState, Parameters, Posture, Sample, Step, ThrustersCommand, ThrustersState, text_of,
+    NavState, Parameters, PeerState, Posture, Sample, Step, ThrustersCommand, ThrustersState, text_of,
 };
 use fss_records::log::{Log, LogError, Samples};
 
@@ -16,8 +17,16 @@ pub struct Recorded<T> {
 
 impl<T: Sample> Recorded<T> {
     fn new(topic: Topic<T>, mut samples: Vec<T>) -> Self {
-        samples.sort_by_key(|sample| sample.header().published_ns);
+        // Another vehicle's samples are on its own clock: they stay in the order in which they came.
+        if topic.owner == Owner::This {
+            samples.sort_by_key(|sample| sample.header().published_ns);
+        }
         Self { topic, samples }
+    }
+
+    /// Of another vehicle's samples, the first of this sequence from the `from`-th on, and its place.
+    pub fn next_of_sequence(&self, sequence: u64, from: usize) -> Option<(usize, &T)> {
+        self.samples.iter().enumerate().skip(from).find(|(_, sample)| sample.header().sequence == sequence)
     }
 
     /// What was published at this time: by one step, unless several services speak on the topic.
@@ -39,8 +48,17 @@ impl<T: Sample> Recorded<T> {
     }
 }
 
+/// The name under which a topic's owner publishes it; one that nobody has where there is no target.
+fn full_name<T>(launch: &Launch, topic: &Topic<T>) -> String {
+    let owner = match topic.owner {
+        Owner::This => launch.vehicle.as_str(),
+        Owner::Target => launch.target_vehicle.as_deref().unwrap_or("-"),
+    };
+    if owner.is_empty() { topic.name.to_owned() } else { format!("/{owner}{}", topic.name) }
+}
+
 macro_rules! tape {
-    ($( $(#[$doc:meta])* $field:ident: $sample:ident = $topic:ident, )*) => {
+    ($( $(#[$doc:meta])* $field:ident: $sample:ident = $topic:expr, )*) => {
         /// The topics that services read and write, and the record of their steps.
         pub struct Tape {
             $( $(#[$doc])* pub $field: Recorded<$sample>, )*
@@ -49,41 +67,42 @@ macro_rules! tape {
         }
 
         impl Tape {
-            /// Reads the parts of a flight of this vehicle, each in one pass.
+            /// Reads the parts of a flight of this launch file's vehicle, each in one pass.
             ///
             /// # Errors
             /// Where the log cannot be read, or another build recorded it.
-            pub fn read(logs: &[Log], vehicle: &str) -> Result<Self, LogError> {
-                let full = |name: &str| if vehicle.is_empty() { name.to_owned() } else { format!("/{vehicle}{name}") };
-                $( let mut $field = Samples::<$sample>::of(&full(topic::$topic.name)); )*
-                let mut steps = Samples::<Step>::of(&full(topic::STEPS.name));
+            pub fn read(logs: &[Log], launch: &Launch) -> Result<Self, LogError> {
+                $( let mut $field = Samples::<$sample>::of(&full_name(launch, &$topic)); )*
+                let mut steps = Samples::<Step>::of(&full_name(launch, &topic::STEPS));
                 for log in logs {
                     log.collect(&mut [$( &mut $field, )* &mut steps])?;
                 }
-                Ok(Self { $( $field: Recorded::new(topic::$topic, $field.samples), )* steps: steps.samples })
+                Ok(Self { $( $field: Recorded::new($topic, $field.samples), )* steps: steps.samples })
             }
         }
     };
 }
 
 tape! {
-    mocap_base: MocapPose = MOCAP_BASE,
-    mocap_end_effector: MocapPose = MOCAP_END_EFFECTOR,
-    mocap_target: MocapPose = MOCAP_TARGET,
-    gyro: GyroRate = GYRO,
-    nav: NavState = NAV_STATE,
-    telemetry: LinkDatagram = LINKS_TELEMETRY,
-    links: LinksState = LINKS_STATE,
-    mission: MissionState = MISSION_STATE,
-    arm: ArmCommand = ARM_COMMAND,
-    base: BaseCommand = BASE_COMMAND,
-    thrusters: ThrustersCommand = THRUSTERS_COMMAND,
-    valves: ThrustersState = THRUSTERS_STATE,
-    postures: Posture = CALIBRATION_POSTURE,
-    mission_command: MissionCommand = MISSION_COMMAND,
-    parameters_command: Parameters = PARAMETERS_COMMAND,
-    parameters_state: Parameters = PARAMETERS_STATE,
-    events: Event = EVENTS,
+    mocap_base: MocapPose = topic::MOCAP_BASE,
+    mocap_end_effector: MocapPose = topic::MOCAP_END_EFFECTOR,
+    mocap_target: MocapPose = topic::MOCAP_TARGET,
+    gyro: GyroRate = topic::GYRO,
+    nav: NavState = topic::NAV_STATE,
+    telemetry: LinkDatagram = topic::LINKS_TELEMETRY,
+    links: LinksState = topic::LINKS_STATE,
+    mission: MissionState = topic::MISSION_STATE,
+    arm: ArmCommand = topic::ARM_COMMAND,
+    base: BaseCommand = topic::BASE_COMMAND,
+    thrusters: ThrustersCommand = topic::THRUSTERS_COMMAND,
+    valves: ThrustersState = topic::THRUSTERS_STATE,
+    postures: Posture = topic::CALIBRATION_POSTURE,
+    mission_command: MissionCommand = topic::MISSION_COMMAND,
+    parameters_command: Parameters = topic::PARAMETERS_COMMAND,
+    parameters_state: Parameters = topic::PARAMETERS_STATE,
+    events: Event = topic::EVENTS,
+    target_nav: NavState = topic::NAV_STATE.of_target(),
+    target_peer: PeerState = topic::PEER.of_target(),
 }
 
 impl Tape {

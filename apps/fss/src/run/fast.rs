@@ -42,7 +42,7 @@ pub fn fly(
     seed: u64,
     progress: impl FnMut(&MissionState),
 ) -> Result<()> {
-    let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
+    let bus = Bus::local().for_stack(&stack.launch);
     let (description, path) = (Description::new(stack, "virtual", seed)?, log_path.to_owned());
     let open = move |_| {
         let mut log = LogWriter::create(&path)?;
@@ -72,7 +72,7 @@ pub fn fly(
 /// # Errors
 /// Where the stack does not fly. A mission that does not end is none: its records say so.
 pub fn fly_unrecorded(stack: &Stack, seed: u64) -> Result<Records> {
-    let bus = Bus::local().for_vehicle(&stack.launch.vehicle);
+    let bus = Bus::local().for_stack(&stack.launch);
     let listener = Rc::new(RefCell::new(Listener::new(&bus).into_diagnostic()?));
     let outcome = until_its_end(stack, stack.laboratory(), &bus, seed, &listener, |_| ());
     let listener = Rc::into_inner(listener).ok_or_else(|| miette!("the listener is still in use"))?;
@@ -147,8 +147,8 @@ fn add(
             member!(Base::new(BaseConfig::from_plant(plant, model, rate_hz)));
         }
         "calibration" => member!(Calibration::new(plant.link_count(), MovementBand::of(plant))),
-        // Nobody can watch a clock that nobody waits for.
-        "ground" => {}
+        // Nobody can watch a clock that nobody waits for, and no other vehicle flies by it.
+        "ground" | "bridge" => {}
         "thrusters" => member!(Thrusters::new(plant.thrusters.len())),
         "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::for_plant(&stack.plant))),
         other => return Err(miette!("service '{other}' does not fly on a virtual clock")),

@@ -41,7 +41,9 @@ const SAFE_MODE_TIME: Duration = Duration::from_secs(1);
 /// Services that move the vehicle: safe mode stops them, and what they drove comes to rest by its own time-out.
 const MOVERS: [&str; 3] = ["mission", "base", "arm"];
 /// The flight goes on without them, whatever happens to them.
-const SPARED: [&str; 2] = ["recorder", "ground"];
+const SPARED: [&str; 3] = ["recorder", "ground", BRIDGE];
+/// A flight begins without it, too.
+const BRIDGE: &str = "bridge";
 /// How long a service may take to stop before it is killed.
 pub(super) const STOP_TIME: Duration = Duration::from_secs(3);
 
@@ -275,7 +277,7 @@ impl<'a> Supervisor<'a> {
         let member = &mut self.members[i];
         let name = member.schedule.name.get_ref().clone();
         let said = std::mem::take(&mut *member.said.lock().unwrap_or_else(PoisonError::into_inner));
-        if member.starts == 1 && status.signal().is_none() && member.started.elapsed() < START_TIME {
+        if member.starts == 1 && name != BRIDGE && status.signal().is_none() && member.started.elapsed() < START_TIME {
             return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' could not start")));
         }
         if !member.schedule.restart {

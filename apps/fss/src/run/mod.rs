@@ -77,7 +77,7 @@ pub struct RunArgs {
 /// Run one service.
 #[derive(Args)]
 pub struct ServiceArgs {
-    /// The service: recorder, thrusters, fusion, links, arm, base, mission, calibration or ground.
+    /// The service: recorder, thrusters, fusion, links, arm, base, mission, calibration, ground or bridge.
     name: String,
     #[command(flatten)]
     site: SiteArgs,

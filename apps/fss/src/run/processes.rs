@@ -4,8 +4,10 @@ use super::SiteArgs;
 use super::launcher::STOP_TIME;
 use super::stack::Stack;
 use super::{LOG_FILE, stop_on_signal};
+use crossbeam::queue::ArrayQueue;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
+use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, SAID_QUEUE, device::Network};
 use fss_bus::health::{Monitor, REPORT_PERIOD_NS};
 use fss_bus::launch::{Launch, Schedule};
 use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Time, process, realtime};
@@ -52,7 +54,7 @@ impl Site {
         }
         let node = format!("{name}-{}", std::process::id());
         let bus = Bus::shared(&SharedConfig { node, prefix: args.bus.clone() }).into_diagnostic()?;
-        let bus = bus.for_vehicle(&stack.launch.vehicle);
+        let bus = bus.for_stack(&stack.launch);
         let launch = stack.launch.clone().in_folder(&args.run);
         Ok(Self { stack, launch, bus, stop, starts: args.starts })
     }
@@ -90,6 +92,7 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
     match name {
         "recorder" => return recorder(&site, args),
         "ground" => return ground(&site),
+        "bridge" => return bridge(&site),
         "fusion" => return fusion(&site),
         "links" => return links(&site),
         "thrusters" => return thrusters(&site),
@@ -202,6 +205,27 @@ impl Description {
         }
         log.metadata("fss", self.facts.clone())
     }
+}
+
+fn bridge(site: &Site) -> Result<()> {
+    let endpoints = site.launch.bridge.clone().ok_or_else(|| miette!("the launch file has no [bridge]"))?;
+    let neighbours = site.bus.neighbours();
+    let (line, words, session) = (Line::default(), Arc::new(ArrayQueue::new(16)), unix_time_ns()?);
+    let patience = Patience { max_age: endpoints.max_age(), silent_after: endpoints.silent_after() };
+    let bridge = Bridge::new(neighbours, patience, line.clone(), words.clone());
+    let _network = fss_bridge::device::Device::start(Network {
+        vehicle: site.launch.vehicle.clone(),
+        session,
+        endpoints,
+        receive: neighbours.received().cloned().collect(),
+        said: site.queue(SAID_QUEUE)?,
+        heard: site.queue(HEARD_QUEUE)?,
+        words,
+        line,
+    })
+    .into_diagnostic()?;
+    site.fly(bridge, || ())?;
+    Ok(())
 }
 
 fn fusion(site: &Site) -> Result<()> {

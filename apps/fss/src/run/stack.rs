@@ -17,7 +17,7 @@ use toml::Spanned;
 
 /// The services that a launch file may name.
 pub const SERVICES: &[&str] =
-    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", "ground"];
+    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", "ground", "bridge"];
 
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[

@@ -3,7 +3,7 @@
 use super::frame::{EventRow, HealthRow, Samples, Scene, mask};
 use super::server::Stream;
 use crate::run::stack::Stack;
-use crate::top::only_stack;
+use crate::top::{folder_of, only_stack};
 use clap::Args;
 use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic};
@@ -44,16 +44,6 @@ pub struct Watch {
     seen: Option<MocapPose>,
     /// Lives as long as its ports.
     _bus: Bus,
-}
-
-/// The folder that the stack's processes were started in, from their command lines.
-fn folder_of(prefix: &str) -> Option<PathBuf> {
-    let processes = std::fs::read_dir("/proc").ok()?.flatten();
-    processes.filter_map(|entry| std::fs::read(entry.path().join("cmdline")).ok()).find_map(|line| {
-        let words: Vec<String> = line.split(|b| *b == 0).map(|w| String::from_utf8_lossy(w).into_owned()).collect();
-        let after = |name: &str| words.iter().position(|word| word == name).and_then(|i| words.get(i + 1));
-        (after("--bus").is_some_and(|bus| bus == prefix)).then(|| after("--run").map(PathBuf::from))?
-    })
 }
 
 impl Ports {

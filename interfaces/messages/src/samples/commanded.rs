@@ -64,7 +64,7 @@ samples! {
         line_direction_rad: f64,
         /// time over which the arm's goal is reached, s
         arm_duration_s: f64,
-        /// target as motion capture shows it, brought to stamp_ns: x m, y m, theta rad
+        /// target as its own navigation or motion capture shows it, brought to stamp_ns: x m, y m, theta rad
         target: [f64; 3],
         /// its rates, m/s, m/s, rad/s
         target_rate: [f64; 3],

@@ -77,4 +77,32 @@ samples! {
         /// 1 where something came at this port since the step before
         fresh: [u8; MAX_PORTS],
     }
+
+    /// What the bridge of this host hears of another vehicle.
+    PeerState {
+        /// the other vehicle, UTF-8, filled with zeros
+        vehicle: [u8; 16],
+        /// what brings that vehicle's times to this host's clock when it is added, ns; late by the shortest way of a sample
+        clock_offset_ns: i64,
+        /// age of its newest sample when that came, by this offset, ns
+        age_ns: u64,
+        /// samples taken since the start of the bridge
+        received: u64,
+        /// refused: older than the launch file allows
+        refused_age: u64,
+        /// refused: doubled, or overtaken on the way
+        refused_sequence: u64,
+        /// refused: another build's layout
+        refused_layout: u64,
+        /// refused: not readable at all
+        refused_form: u64,
+        /// lost on this host because a queue was full
+        lost: u64,
+        /// samples that this host's bridge has handed to the network, for whoever listens
+        sent: u64,
+        /// 1 while it is heard
+        speaks: u8,
+        /// zero
+        reserved0: [u8; 7],
+    }
 }

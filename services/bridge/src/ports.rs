@@ -1,0 +1,213 @@
+//! Topics whose samples the bridge knows by the launch file only.
+
+use fss_bus::{
+    Batch, Bus, BusError, DeviceOutput, Feed, InputPort, InputPorts, Output, OutputPort, OutputPorts, Step, Time,
+};
+use fss_messages::topic::{self, Topic, TopicVisitor};
+use fss_messages::{Event, PeerState, Sample};
+
+/// Device queue of what came from the network.
+pub const HEARD_QUEUE: &str = "bridge.heard";
+/// Device queue of what goes to the network.
+pub const SAID_QUEUE: &str = "bridge.said";
+/// Room for the longest sample, bytes.
+pub const MAX_SAMPLE: usize = 2048;
+
+/// A sample on its way between the service and the network's thread.
+#[derive(Clone, Copy)]
+pub struct Parcel {
+    /// Which of the topics that are shared, or of those that are received.
+    pub topic: usize,
+    /// Bytes of the sample; more than [`MAX_SAMPLE`] where it is none.
+    pub len: usize,
+    /// The sample, filled with zeros.
+    pub bytes: [u8; MAX_SAMPLE],
+}
+
+impl Parcel {
+    /// Keeps what fits.
+    pub fn new(topic: usize, sample: &[u8]) -> Self {
+        let mut bytes = [0; MAX_SAMPLE];
+        for (to, from) in bytes.iter_mut().zip(sample) {
+            *to = *from;
+        }
+        Self { topic, len: sample.len(), bytes }
+    }
+
+    /// The sample, or what fits of something longer.
+    pub fn sample(&self) -> &[u8] {
+        &self.bytes[..self.len.min(MAX_SAMPLE)]
+    }
+}
+
+/// A sample that came from another vehicle.
+#[derive(Clone, Copy)]
+pub struct Heard {
+    /// The topic, as it stands in the launch file's `receive`, and the sample.
+    pub parcel: Parcel,
+    /// What came with it, as it came.
+    pub envelope: Option<fss_wire::bridge::Envelope>,
+    /// When it came, ns, monotonic clock.
+    pub received_ns: u64,
+}
+
+/// A sample for whoever listens.
+#[derive(Clone, Copy)]
+pub struct Said {
+    /// The topic, as it stands in the launch file's `share`, and the sample.
+    pub parcel: Parcel,
+    /// Hash of its layout.
+    pub layout: u64,
+    /// Counts the topic's samples from 1.
+    pub number: u64,
+}
+
+/// What the bridge reads: the topics that are shared, and what comes from the network.
+pub struct Inputs {
+    pub(crate) shared: Vec<Box<dyn SharedTopic>>,
+    /// What came from other vehicles.
+    pub(crate) heard: Feed<Heard>,
+}
+
+/// A topic of this stack, whatever its sample.
+pub(crate) trait SharedTopic {
+    fn refresh(&mut self);
+    fn age_ns(&self, now: Time) -> u64;
+    fn layout(&self) -> u64;
+    /// Shows each sample that came since the last step.
+    fn each(&self, show: &mut dyn FnMut(&[u8]));
+}
+
+impl<T: Sample> SharedTopic for Batch<T> {
+    fn refresh(&mut self) {
+        InputPort::refresh(self);
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        InputPort::age_ns(self, now)
+    }
+
+    fn layout(&self) -> u64 {
+        T::HASH
+    }
+
+    fn each(&self, show: &mut dyn FnMut(&[u8])) {
+        for sample in self.samples() {
+            show(sample.as_bytes());
+        }
+    }
+}
+
+/// A topic of another vehicle, whatever its sample.
+pub(crate) trait HeardTopic {
+    fn layout(&self) -> u64;
+    fn size(&self) -> usize;
+    /// Publishes the sample of these bytes as it is; false where it could not be sent.
+    fn relay(&self, bytes: &[u8]) -> bool;
+}
+
+impl<T: Sample> HeardTopic for Output<T> {
+    fn layout(&self) -> u64 {
+        T::HASH
+    }
+
+    fn size(&self) -> usize {
+        size_of::<T>()
+    }
+
+    fn relay(&self, bytes: &[u8]) -> bool {
+        T::read_from_bytes(bytes).is_ok_and(|sample| Output::relay(self, &sample))
+    }
+}
+
+/// Opens the port of a topic that is known by its name.
+struct Opener<'a, P: ?Sized> {
+    bus: &'a Bus,
+    name: &'a str,
+    port: Option<Result<Box<P>, BusError>>,
+}
+
+impl TopicVisitor for Opener<'_, dyn SharedTopic> {
+    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
+        if topic.name == self.name {
+            self.port = Some(Batch::open(self.bus, topic).map(|port| Box::new(port) as Box<dyn SharedTopic>));
+        }
+    }
+}
+
+impl TopicVisitor for Opener<'_, dyn HeardTopic> {
+    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
+        if topic.name == self.name {
+            self.port = Some(Output::open(self.bus, topic).map(|port| Box::new(port) as Box<dyn HeardTopic>));
+        }
+    }
+}
+
+impl InputPorts for Inputs {
+    const NAMES: &'static [&'static str] = &["heard", "shared"];
+
+    fn open(bus: &Bus) -> Result<Self, BusError> {
+        let mut shared = Vec::new();
+        for name in &bus.neighbours().shared {
+            let mut opener = Opener::<dyn SharedTopic> { bus, name, port: None };
+            topic::visit(&mut opener);
+            shared.extend(opener.port.transpose()?);
+        }
+        Ok(Self { shared, heard: Feed::open(bus, HEARD_QUEUE)? })
+    }
+
+    fn refresh(&mut self) {
+        self.heard.refresh();
+        for topic in &mut self.shared {
+            topic.refresh();
+        }
+    }
+
+    fn ages_ns(&self, now: Time, ages: &mut [u64]) {
+        let shared = self.shared.iter().map(|topic| topic.age_ns(now));
+        for (slot, age_ns) in ages.iter_mut().zip(std::iter::once(0).chain(shared)) {
+            *slot = age_ns;
+        }
+    }
+
+    /// What comes from other vehicles is in the log as it was passed on; there is nothing to compute again.
+    fn record(&self, _step: &mut Step) -> bool {
+        false
+    }
+}
+
+/// What the bridge writes: other vehicles' topics in their names, what it knows of them, and what goes to the network.
+pub struct Outputs {
+    /// In the order of the launch file's `receive`, each with the number of its vehicle.
+    pub(crate) heard: Vec<(usize, Box<dyn HeardTopic>)>,
+    /// In the order in which the vehicles occur there.
+    pub(crate) peers: Vec<Output<PeerState>>,
+    pub(crate) said: DeviceOutput<Said>,
+    pub(crate) events: Output<Event>,
+}
+
+impl OutputPorts for Outputs {
+    fn open(bus: &Bus) -> Result<Self, BusError> {
+        let vehicles = bus.neighbours().vehicles();
+        let mut heard = Vec::new();
+        for foreign in bus.neighbours().received() {
+            let peer = vehicles.iter().position(|vehicle| *vehicle == foreign.vehicle).unwrap_or(0);
+            let of_peer = bus.of_vehicle(&foreign.vehicle);
+            let mut opener = Opener::<dyn HeardTopic> { bus: &of_peer, name: foreign.topic, port: None };
+            topic::visit(&mut opener);
+            heard.extend(opener.port.transpose()?.map(|port| (peer, port)));
+        }
+        let peer_port = |vehicle: &&str| Output::open(&bus.of_vehicle(vehicle), topic::PEER);
+        Ok(Self {
+            heard,
+            peers: vehicles.iter().map(peer_port).collect::<Result<_, _>>()?,
+            said: DeviceOutput::open(bus, SAID_QUEUE)?,
+            events: Output::open(bus, topic::EVENTS)?,
+        })
+    }
+
+    fn flush(&mut self, now: Time) -> u64 {
+        let peers: u64 = self.peers.iter_mut().map(|peer| peer.flush(now)).sum();
+        peers + self.said.flush(now) + self.events.flush(now)
+    }
+}
