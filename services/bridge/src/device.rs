@@ -80,7 +80,7 @@ impl Drop for Device {
 }
 
 /// An open session and what speaks and hears through it.
-struct Session {
+struct Open {
     publishers: Vec<Publisher<'static>>,
     _subscribers: Vec<Subscriber<()>>,
     session: zenoh::Session,
@@ -91,11 +91,11 @@ impl Network {
         let mut told = false;
         while !stop.load(Ordering::Relaxed) {
             match self.open() {
-                Ok(session) => {
-                    self.carry(&session, stop);
-                    drop(session.publishers);
+                Ok(open) => {
+                    self.carry(&open, stop);
+                    drop(open.publishers);
                     // A connection that cannot be closed in order ends with the process.
-                    let _ = session.session.close().wait();
+                    let _ = open.session.close().wait();
                     return;
                 }
                 Err(why) => {
@@ -108,7 +108,7 @@ impl Network {
         }
     }
 
-    fn open(&self) -> zenoh::Result<Session> {
+    fn open(&self) -> zenoh::Result<Open> {
         let session = zenoh::open(zenoh::Config::from_json5(&config(&self.endpoints))?).wait()?;
         let publisher = |topic: &str| {
             let way = if topic.ends_with("/command") { CongestionControl::Block } else { CongestionControl::Drop };
@@ -128,17 +128,17 @@ impl Network {
             session.declare_subscriber(key(&foreign.vehicle, foreign.topic)).callback(hear).wait()
         };
         let subscribers = self.receive.iter().enumerate().map(subscriber).collect::<zenoh::Result<_>>()?;
-        Ok(Session { publishers, _subscribers: subscribers, session })
+        Ok(Open { publishers, _subscribers: subscribers, session })
     }
 
     /// Sends what is said until it is told to stop.
-    fn carry(&self, session: &Session, stop: &AtomicBool) {
+    fn carry(&self, open: &Open, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             let Some(said) = self.said.pop() else {
                 std::thread::sleep(REST);
                 continue;
             };
-            let (Some(publisher), Ok(now)) = (session.publishers.get(said.parcel.topic), realtime::now()) else {
+            let (Some(publisher), Ok(now)) = (open.publishers.get(said.parcel.topic), realtime::now()) else {
                 continue;
             };
             let Said { layout, number, .. } = said;

@@ -164,13 +164,13 @@ impl InputPorts for AllTopics {
 struct Definitions<'a> {
     bus: &'a Bus,
     only: Option<&'static str>,
-    definitions: &'a mut Vec<Definition>,
+    found: &'a mut Vec<Definition>,
 }
 
 impl TopicVisitor for Definitions<'_> {
     fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
         if self.only.is_none_or(|only| only == topic.name) {
-            self.definitions.push(Definition {
+            self.found.push(Definition {
                 topic: self.bus.full_name(topic.name),
                 // What the bridge itself says of another vehicle is on this host's clock.
                 has_own_clock: self.only.is_some_and(|only| only != topic::PEER.name),
@@ -184,7 +184,7 @@ impl TopicVisitor for Definitions<'_> {
 pub(crate) fn definitions(bus: &Bus) -> Vec<Definition> {
     let mut definitions = Vec::new();
     let all: Result<(), std::convert::Infallible> = visit_all(bus, |bus, only| {
-        topic::visit(&mut Definitions { bus, only, definitions: &mut definitions });
+        topic::visit(&mut Definitions { bus, only, found: &mut definitions });
         Ok(())
     });
     let Ok(()) = all;
