@@ -5,6 +5,7 @@ use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
 use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
+use crate::prediction::predictive;
 use crate::unexplained::{Unexplained, describe};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Place, Plant};
@@ -24,8 +25,6 @@ const MOST: f64 = 0.7;
 const EVEN: f64 = 0.5;
 /// A base of less than this share of its mass is one that was weighed.
 const LIGHT: f64 = 0.7;
-/// A prediction that is better by less is the same.
-const NO_WORSE: f64 = 1e-3;
 /// A second or later cause is asserted only if it is this probable among its rivals.
 const SURE: f64 = 0.7;
 
@@ -189,16 +188,19 @@ pub fn diagnose(
         let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
         Ok(all?.into_iter().flatten().collect())
     };
-    // A cause whose absence would make the prediction of new runs better explains the old ones only.
-    if let Some(idle) = idle(&contest.settled(&selection.after.nuisance), &causes, &|plant| misfit(plant, validation))?
-    {
-        suspects.push(causes.remove(idle));
+    // What makes the prediction of new runs worse explains the old ones only.
+    let file = contest.settled(&selection.before.nuisance);
+    let kept = predictive(&file, &contest.settled(&selection.after.nuisance), &causes, &|p| misfit(p, validation))?;
+    if kept.len() < causes.len() {
+        let (good, idle): (Vec<_>, Vec<_>) = causes.into_iter().enumerate().partition(|(i, _)| kept.contains(i));
+        causes = good.into_iter().map(|(_, cause)| cause).collect();
+        suspects.extend(idle.into_iter().map(|(_, cause)| cause));
         if causes.is_empty() {
             verdict = nothing_asserted(&contest, &selection.before);
         }
     }
     let asserted: Vec<Effect> = causes.iter().map(|c| c.effect.clone()).collect();
-    let settled = contest.settled(&selection.before.nuisance);
+    let settled = file;
     let extended = if asserted.is_empty() {
         settled.clone()
     } else {
@@ -345,27 +347,6 @@ fn nothing_asserted(contest: &Contest, left: &Refined) -> Verdict {
     if is_quiet { Verdict::Consistent } else { Verdict::Unexplained }
 }
 
-/// Misfits of the validation runs under a plant.
-type Predicted<'a> = dyn Fn(&Plant) -> Result<Vec<ChannelMisfit>, ModelError> + 'a;
-
-/// The cause without which `plant` with the others predicts the validation runs best, if that is better than with it.
-fn idle(plant: &Plant, causes: &[Cause], misfit: &Predicted<'_>) -> Result<Option<usize>, ModelError> {
-    let without = |left_out: Option<usize>| -> Result<f64, ModelError> {
-        let mut plant = plant.clone();
-        let kept = causes.iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
-        plant.effects.extend(kept.map(|(_, cause)| cause.effect.clone()));
-        Ok(overall(&misfit(&plant)?))
-    };
-    let mut best = (None, (1.0 - NO_WORSE) * without(None)?);
-    for i in 0..causes.len() {
-        let ratio = without(Some(i))?;
-        if ratio < best.1 {
-            best = (Some(i), ratio);
-        }
-    }
-    Ok(best.0)
-}
-
 fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f64>>) {
     const SHOWN: usize = 10;
     let excess = (selection.before.chi2 - selection.before.freedom).max(1.0);
@@ -386,7 +367,7 @@ fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f6
 }
 
 /// RMS of the ratios of all channels; those of unknown noise decide nothing.
-fn overall(misfits: &[ChannelMisfit]) -> f64 {
+pub(crate) fn overall(misfits: &[ChannelMisfit]) -> f64 {
     let ratios: Vec<f64> = misfits.iter().map(ChannelMisfit::ratio).filter(|r| r.is_finite()).collect();
     (ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len().max(1) as f64).sqrt()
 }

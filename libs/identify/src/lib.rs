@@ -21,6 +21,7 @@ mod integrity;
 pub mod measured;
 pub mod misfit;
 mod normal;
+mod prediction;
 mod sensitivity;
 pub mod smoother;
 pub mod straight_path;

@@ -3,7 +3,7 @@
 
 use fss_identify::diagnosis::{Verdict, diagnose};
 use fss_identify::measured::{Poses, Run};
-use fss_plant::Plant;
+use fss_plant::{Plant, Uncertainty};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -30,6 +30,8 @@ struct Truth {
     drag_n_s_m: f64,
     waves_n: f64,
     pressure_per_s: f64,
+    /// Share of its thrust that the first thruster lacks.
+    lacks: f64,
 }
 
 /// Flies for 30 s with random pulses; integrated here by the midpoint rule at 1 ms, so that nothing is found by symmetry.
@@ -49,8 +51,9 @@ fn flight(name: &str, truth: Truth, seed: u64) -> Run {
         let open = &valves[valves.partition_point(|(t, _)| *t <= t_s) - 1].1;
         let (sin, cos) = s[2].sin_cos();
         let (mut force, mut torque) = ([0.0; 2], 0.0);
-        for ((position, direction), _) in THRUSTERS.iter().zip(open).filter(|(_, open)| **open) {
-            let thrust_n = THRUST_N * (1.0 + truth.pressure_per_s * t_s);
+        for (i, ((position, direction), _)) in THRUSTERS.iter().zip(open).enumerate().filter(|(_, (_, open))| **open) {
+            let own = if i == 0 { 1.0 - truth.lacks } else { 1.0 };
+            let thrust_n = THRUST_N * own * (1.0 + truth.pressure_per_s * t_s);
             force[0] += thrust_n * (cos * direction[0] - sin * direction[1]);
             force[1] += thrust_n * (sin * direction[0] + cos * direction[1]);
             torque += thrust_n * (position[0] * direction[1] - position[1] * direction[0]);
@@ -109,6 +112,24 @@ fn a_supply_that_loses_half_its_pressure_is_named_and_measured() {
     let effect = &found.causes[0].effect;
     assert_eq!(effect.id(), "thruster_pressure_trend");
     assert!((effect.values()[0] / -0.016 - 1.0).abs() < 0.05, "{effect:?}");
+}
+
+/// An uncertain value takes up what it may, and no more: far beyond its deviation it is a weak thruster.
+#[test]
+fn a_thruster_weaker_than_its_thrust_is_uncertain_is_named_and_one_within_is_not() {
+    let mut plant = plant();
+    plant.uncertainty = Some(Uncertainty { thrust_n: 0.004, ..Uncertainty::default() });
+    let with = |lacks| {
+        let runs = flights(Truth { lacks, ..Truth::default() });
+        diagnose(&plant, &runs[..2], &runs[2..], &|_| ()).unwrap()
+    };
+    let found = with(0.25);
+    let named: Vec<_> = found.causes.iter().map(|c| (c.effect.id(), c.effect.index())).collect();
+    assert_eq!(named, [("thruster_gain", Some(1))], "{:?}", found.suspects);
+    let value = found.causes[0].effect.values()[0];
+    assert!((value - 0.75).abs() < 3.0 * found.causes[0].std[0], "{value} +- {}", found.causes[0].std[0]);
+    let found = with(0.04);
+    assert_eq!((found.verdict, found.causes.len()), (Verdict::Consistent, 0), "{:?}", found.causes);
 }
 
 #[test]

@@ -33,6 +33,8 @@ pub(crate) struct Refined {
     pub(crate) columns: Vec<Column>,
     /// The same with what the nuisances absorb of them taken off.
     pub(crate) clear: Vec<Column>,
+    /// What the nuisances would take of each column.
+    pub(crate) by_column: DMatrix<f64>,
 }
 
 struct Point {
@@ -56,6 +58,7 @@ impl Contest {
             residuals,
             columns: Vec::new(),
             clear: Vec::new(),
+            by_column: DMatrix::zeros(0, 0),
         })
     }
 
@@ -89,6 +92,7 @@ impl Contest {
             residuals: now.residuals,
             columns,
             clear,
+            by_column: reduced.by_column,
         })
     }
 

@@ -15,6 +15,8 @@ pub(crate) const MOST_CAUSES: usize = 4;
 /// Contestants that are refitted with the real simulation, and those that look much like the best of them.
 const CONTESTANTS: usize = 8;
 const MOST_CONTESTANTS: usize = 14;
+/// Of these at most so many of one kind at one place.
+const MOST_OF_A_KIND: usize = 2;
 /// The same where each refit is dear, because every window's motion must be fitted anew.
 const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
@@ -144,9 +146,19 @@ impl Contest {
         } else {
             (CONTESTANTS, MOST_CONTESTANTS)
         };
-        let worth =
-            |s: &&Screened| s.gain / noise > 0.5 * least_gain(&s.effect) && !taken.hypotheses.contains(&s.hypothesis);
-        let mut chosen: Vec<&Screened> = screen.iter().filter(worth).take(contestants).collect();
+        let worth = |s: &&Screened| {
+            s.gain / noise > 0.5 * least_gain(&s.effect)
+                && !taken.hypotheses.contains(&s.hypothesis)
+                && self.is_worth_saying(s.hypothesis, &s.effect)
+        };
+        // A kind that is tried at several shapes does not crowd out the others.
+        let mut seen = Vec::new();
+        let is_new = |s: &&Screened| {
+            let kind = (s.effect.id(), s.effect.index());
+            seen.push(kind);
+            seen.iter().filter(|other| **other == kind).count() <= MOST_OF_A_KIND
+        };
+        let mut chosen: Vec<&Screened> = screen.iter().filter(worth).filter(is_new).take(contestants).collect();
         if let Some(best) = chosen.first().copied() {
             let near: Vec<&Screened> = screen.iter().filter(worth).skip(contestants).take(40).collect();
             let all: Vec<usize> = std::iter::once(best).chain(near.iter().copied()).map(|s| s.hypothesis).collect();
@@ -192,17 +204,17 @@ impl Contest {
         };
         !idle
             && self.sides_agree(next, last)
-            && self.is_worth_saying(next, last)
+            && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
             && gain / unit(next) > least
             && share > least_share
             && self.kept(next, last) > LEAST_KEPT
     }
 
     /// Whether a cause is beyond what every laboratory is off by.
-    fn is_worth_saying(&self, refined: &Refined, which: usize) -> bool {
-        let hypothesis = &self.hypotheses[refined.hypotheses[which]];
+    fn is_worth_saying(&self, hypothesis: usize, effect: &Effect) -> bool {
+        let hypothesis = &self.hypotheses[hypothesis];
         let Some(sds) = unsaid(hypothesis, &self.trial.plant) else { return true };
-        let (values, nominal) = (refined.effects[which].values(), hypothesis.nominal.values());
+        let (values, nominal) = (effect.values(), hypothesis.nominal.values());
         if hypothesis.is_compliance() {
             return 1.0 / values[0] > WORTH_SAYING * sds[0];
         }
@@ -251,7 +263,9 @@ impl Contest {
         (0..after.hypotheses.len())
             .map(|i| {
                 let without = self.refine_without(after, i)?;
-                self.rivals_of(after, i, &without, contests)
+                let mut rivals = self.rivals_of(after, i, &without, contests)?;
+                rivals.retain(|r| self.is_worth_saying(r.hypotheses[i], &r.effects[i]));
+                Ok(rivals)
             })
             .collect()
     }

@@ -96,7 +96,8 @@ impl Contest {
     }
 
     /// Share of the gain of cause `which` that runs keep which were left out of the fit of its parameters. Where one run alone
-    /// shows it, its windows by turns.
+    /// shows it, its windows by turns. What it gains by putting uncertain values back to where the plant file has them belongs
+    /// to each window alike: no run can tell a weak thruster from an uncertain thrust, only how far that was thought to be off.
     pub(super) fn kept(&self, refined: &Refined, which: usize) -> f64 {
         let counts: Vec<usize> = refined
             .hypotheses
@@ -110,12 +111,15 @@ impl Contest {
         let first: usize = counts[..which].iter().sum();
         let own: Vec<usize> = (first..first + counts[which]).collect();
         let left = self.unexplained(&refined.residuals, &refined.nuisance);
+        let (taken, off_file) = (refined.by_column.select_columns(&own), &refined.nuisance + &self.moved);
+        let share = self.unit / left.len().max(1) as f64;
+        let (prior_g, prior_b) = (share * taken.tr_mul(&taken), share * taken.tr_mul(&off_file));
         let normals: Vec<Normal> = (0..left.len())
             .map(|i| Normal {
                 g: nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| {
-                    refined.clear[own[a]][i].dot(&refined.clear[own[b]][i])
+                    refined.clear[own[a]][i].dot(&refined.clear[own[b]][i]) + prior_g[(a, b)]
                 }),
-                b: DVector::from_fn(own.len(), |a, _| refined.clear[own[a]][i].dot(&left[i])),
+                b: DVector::from_fn(own.len(), |a, _| refined.clear[own[a]][i].dot(&left[i]) + prior_b[a]),
                 c: 0.0,
                 freedom: 0.0,
             })
