@@ -53,13 +53,21 @@ fn print_cause(cause: &Cause) {
     println!("    {}", cause.effect.about().sentence);
     for (i, (p, v)) in cause.effect.about().parameters.iter().zip(cause.effect.values()).enumerate() {
         match cause.std.get(i) {
-            Some(std) => println!("    {:<26}{v:>12.5} +- {std:.5} {}", p.name, p.unit),
+            Some(std) => {
+                let digits = digits_of(*std);
+                println!("    {:<26}{v:>12.digits$} +- {std:.digits$} {}", p.name, p.unit);
+            }
             None => println!("    {:<26}{v:>12}", p.name),
         }
     }
     for other in &cause.alternatives {
         println!("    or {} (probability {:.3})", other.effect, other.probability);
     }
+}
+
+/// So many digits after the point show two of a standard deviation.
+fn digits_of(std: f64) -> usize {
+    if std > 0.0 { (1 - std.log10().floor() as i32).clamp(0, 12) as usize } else { 5 }
 }
 
 /// What a cause is and where: `thruster_gain 3 from 12.0 s`.
