@@ -5,8 +5,8 @@ use fss_messages::{Field, MissionState, Sample, Scalar};
 use fss_records::log::{Collect, Log, LogError, Samples};
 use std::f64::consts::{PI, TAU};
 
-/// Topics that tell of processes and packets, not of the flight.
-const LEFT_OUT: &[&str] = &["/health", "/steps", "/events", "/links/telemetry"];
+/// Topics that tell of processes and packets, not of the flight, or on which several speak at the same time.
+const LEFT_OUT: &[&str] = &["/health", "/steps", "/events", "/links/telemetry", "/parameters/state"];
 /// Two samples that are further apart than this many usual periods have nothing in between.
 const LONGEST_GAP_PERIODS: f64 = 5.0;
 
