@@ -153,7 +153,7 @@ function listen() {
   stream.addEventListener("event", keep(flight.events, (a, b) => a.t === b.t && a.text === b.text));
 }
 
-let [before, stripsAt, tablesAt] = [performance.now(), 0, 0];
+let [before, stripsAt, tablesAt] = [performance.now(), -Infinity, -Infinity];
 function turn(now) {
   const passed = (now - before) / 1000;
   before = now;
