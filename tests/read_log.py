@@ -6,6 +6,7 @@ Exits with 1 where a tool cannot read the log or where one value differs.
 """
 
 import csv
+import math
 import sys
 from pathlib import Path
 
@@ -36,7 +37,9 @@ def same(ours, theirs):
     """Whether a value that we printed is the value that they decoded, to the last bit; text is an array of bytes to them."""
     if hasattr(theirs, "__len__"):
         return ours == bytes(theirs).split(b"\0")[0].decode()
-    return float(ours) == theirs if isinstance(theirs, float) else int(ours) == int(theirs)
+    if isinstance(theirs, float):
+        return float(ours) == theirs or (math.isnan(float(ours)) and math.isnan(theirs))
+    return int(ours) == int(theirs)
 
 
 def compare(tool, topic, messages, folder):
