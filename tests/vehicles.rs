@@ -21,35 +21,28 @@ static ONE_PAIR: Mutex<()> = Mutex::new(());
 
 /// Holds its place for so long, in a laboratory that has a target where the other vehicle stands in its own.
 fn chaser_mission(hold_s: u32) -> String {
-    format!(
-        r#"name = "watch"
-[initial]
-q_deg = [-30, 60, -60, 30]
-x_m = -0.9
+    let target = r#"x_m = -0.9
 [target]
 mass_kg = 10
 inertia_kg_m2 = 0.15
 radius_m = 0.15
-x_m = 0.7
-y_m = 0.2
-theta_deg = 180
-[[phase]]
-name = "hold"
-duration_s = {hold_s}
-base = {{ goal = "hold" }}
-arm = {{ goal = "hold" }}
-"#
-    )
+"#;
+    holding("watch", &format!("{target}{TARGET_PLACE}"), hold_s)
 }
 
 fn target_mission(hold_s: u32) -> String {
+    holding("stand", TARGET_PLACE, hold_s)
+}
+
+const TARGET_PLACE: &str = "x_m = 0.7\ny_m = 0.2\ntheta_deg = 180";
+
+/// A mission that holds base and arm from such a beginning on.
+fn holding(name: &str, initial: &str, hold_s: u32) -> String {
     format!(
-        r#"name = "stand"
+        r#"name = "{name}"
 [initial]
 q_deg = [-30, 60, -60, 30]
-x_m = 0.7
-y_m = 0.2
-theta_deg = 180
+{initial}
 [[phase]]
 name = "hold"
 duration_s = {hold_s}
