@@ -5,6 +5,7 @@ mod ipc;
 mod jitter;
 mod recorder;
 mod stack;
+mod view;
 
 use clap::{Args, Subcommand};
 use fss_multibody::{Coordinates, Model, Sensitivity, State, integrate, step_with_derivatives};
@@ -30,6 +31,8 @@ pub enum BenchCommand {
     Recorder(RecorderArgs),
     /// What the whole stack costs at its launch rates, and how old a measurement is when its valve command leaves.
     Stack(StackArgs),
+    /// What a live page at 30 pictures a second costs those who fly: the stack with and without `fss view`, in turns.
+    View(StackArgs),
 }
 
 /// How to tell.
@@ -66,7 +69,7 @@ pub struct StackArgs {
     /// Launch file; the laboratory's where absent.
     #[arg(long, value_name = "FILE")]
     launch: Option<PathBuf>,
-    /// How long to measure, s.
+    /// How long to measure each flight, s.
     #[arg(long, default_value_t = 30.0)]
     seconds: f64,
     /// Print JSON.
@@ -124,6 +127,10 @@ pub fn run(command: &BenchCommand) -> Result<()> {
         }
         BenchCommand::Stack(args) => {
             let times = stack::measure(args.launch.as_deref(), args.seconds)?;
+            tell(args.json, &times, || times.print())
+        }
+        BenchCommand::View(args) => {
+            let times = view::measure(args.launch.as_deref(), args.seconds)?;
             tell(args.json, &times, || times.print())
         }
     }

@@ -17,6 +17,8 @@ pub struct Measured {
     pub seconds: f64,
     /// Processor time of each process in that time, ns; the launcher's under its own name.
     pub cpu_ns: BTreeMap<String, u64>,
+    /// The vehicle's name in its launch file.
+    pub vehicle: String,
     /// The flight's log.
     pub log: PathBuf,
 }
@@ -24,11 +26,17 @@ pub struct Measured {
 /// How long a stack flies before it is measured: by then all is mapped and the mission runs.
 const SETTLED: Duration = Duration::from_secs(4);
 
-/// Flies to and fro for `seconds` and takes the processes' time; the log stays in `folder`.
+/// Flies to and fro for `seconds` and takes the processes' time; the log stays in `folder`. Calls `in_flight` once with the
+/// stack's prefix in shared memory, when the mission runs and nothing is measured yet.
 ///
 /// # Errors
-/// Where the stack does not fly.
-pub fn measured_flight(folder: &Path, launch: Option<&Path>, seconds: f64) -> Result<(Stack, Measured)> {
+/// Where the stack does not fly, or `in_flight` fails.
+pub fn measured_flight(
+    folder: &Path,
+    launch: Option<&Path>,
+    seconds: f64,
+    in_flight: impl FnOnce(&str) -> Result<()>,
+) -> Result<(Stack, Measured)> {
     std::fs::create_dir_all(folder).into_diagnostic()?;
     let folder = folder.canonicalize().into_diagnostic()?;
     let mission = folder.join("measured.toml");
@@ -42,8 +50,12 @@ pub fn measured_flight(folder: &Path, launch: Option<&Path>, seconds: f64) -> Re
     let mut begun: Option<(Instant, BTreeMap<String, u64>)> = None;
     let mut measured = None;
     let mut running_since = None;
+    let (mut in_flight, mut joined) = (Some(in_flight), Ok(()));
     launcher::fly(&stack, &site, &over, |mission| {
         let running = mission.state == MissionState::RUNNING;
+        if running && let Some(join) = in_flight.take() {
+            joined = join(&site.bus_prefix);
+        }
         let since: Instant = *running_since.get_or_insert_with(Instant::now);
         if running && begun.is_none() && since.elapsed() > SETTLED {
             begun = Some((Instant::now(), processor_time_ns(&site)));
@@ -57,13 +69,16 @@ pub fn measured_flight(folder: &Path, launch: Option<&Path>, seconds: f64) -> Re
                 (name, ns)
             };
             let cpu_ns = processor_time_ns(&site).into_iter().map(spent).collect();
-            measured = Some(Measured { seconds: start.elapsed().as_secs_f64(), cpu_ns, log: folder.join(LOG_FILE) });
+            let vehicle = stack.launch.vehicle.clone();
+            measured =
+                Some(Measured { seconds: start.elapsed().as_secs_f64(), cpu_ns, vehicle, log: folder.join(LOG_FILE) });
             over.store(true, Ordering::Relaxed);
         }
         if interrupted.load(Ordering::Relaxed) {
             over.store(true, Ordering::Relaxed);
         }
     })?;
+    joined?;
     let measured = measured.ok_or_else(|| miette!("the flight ended before its {seconds} s were over"))?;
     Ok((stack, measured))
 }
