@@ -12,10 +12,17 @@ const EXPERIMENTS: [&str; 6] = ["coast", "single-joint", "excitation", "thruster
 
 /// Flies an experiment against the laboratory of the plant file; gives its log's folder.
 fn fly(name: &str, folder: &Path) -> String {
-    let out = folder.join(name);
-    let out = out.to_str().unwrap();
-    succeed(&["run", &format!("experiment-{name}"), "--fast", "--quiet", "--out", out]);
-    out.to_owned()
+    fly_in(None, name, folder)
+}
+
+/// The same against a laboratory of another plant file than the stack's.
+fn fly_in(laboratory: Option<&Path>, name: &str, folder: &Path) -> String {
+    let out = folder.join(name).to_str().unwrap().to_owned();
+    let mission = format!("experiment-{name}");
+    let mut words = vec!["run", &mission, "--fast", "--quiet", "--out", &out];
+    words.extend(laboratory.iter().flat_map(|file| ["--laboratory", file.to_str().unwrap()]));
+    succeed(&words);
+    out
 }
 
 #[test]
@@ -56,6 +63,27 @@ fn a_log_of_the_nominal_laboratory_and_what_the_plant_file_says_agree() {
     let answer = json(&out.join("diagnosis.json"));
     assert_eq!(answer["verdict"], "consistent", "{answer}");
     assert_eq!(answer["causes"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_joint_with_play_is_named_and_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plant, laboratory) = (folder.path().join("plant.toml"), folder.path().join("laboratory.toml"));
+    let nominal = include_str!("../deploy/etc/plants/fss.toml");
+    std::fs::write(&plant, nominal).unwrap();
+    let play = "[[effect]]\nid = \"joint_backlash\"\nindex = 2\ngap_rad = 0.004\n";
+    std::fs::write(&laboratory, format!("{nominal}\n{play}")).unwrap();
+    let experiments = ["coast", "single-joint", "excitation", "thrusters"];
+    let runs: Vec<String> = experiments.iter().map(|name| fly_in(Some(&laboratory), name, folder.path())).collect();
+    let out = folder.path().join("out");
+    let mut words = vec!["diagnose"];
+    words.extend(runs.iter().map(String::as_str));
+    words.extend(["--plant", plant.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    succeed(&words);
+    let cause = &json(&out.join("diagnosis.json"))["causes"][0];
+    assert_eq!((&cause["effect"], &cause["index"]), (&"joint_backlash".into(), &2.into()), "{cause}");
+    let gap_rad = cause["parameters"]["gap_rad"]["value"].as_f64().unwrap();
+    assert!((gap_rad / 0.004 - 1.0).abs() < 0.2, "{cause}");
 }
 
 #[test]

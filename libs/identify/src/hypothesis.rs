@@ -19,12 +19,20 @@ pub(crate) struct Hypothesis {
 }
 
 /// Effects whose first parameter is a strength and whose others say of what: where a spring rests, how fast friction fades.
-const SHAPED: &[&str] =
-    &["tether_torsion", "tether_linear", "joint_spring", "joint_stribeck_friction", "drive_kinematic_error"];
+const SHAPED: &[&str] = &[
+    "tether_torsion",
+    "tether_linear",
+    "joint_spring",
+    "joint_stribeck_friction",
+    "drive_kinematic_error",
+    "joint_backlash",
+];
 /// Wind-up of a drive at which its sensitivity is taken, rad/(N m).
 const COMPLIANCE_RAD_N_M: f64 = 1e-3;
 /// Periods a turn at which a drive's kinematic error is looked for.
 const CYCLES: &[f64] = &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+/// Widths of a drive's play at which it is looked for, rad: how long a link takes from one side to the other is no matter of proportion.
+const PLAYS_RAD: &[f64] = &[0.0005, 0.002, 0.006];
 
 /// Every cause that these runs could show.
 pub(crate) fn hypotheses(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
@@ -46,6 +54,10 @@ fn hypotheses_of(nominal: Effect) -> Vec<Hypothesis> {
         probe = probe.with(&values);
         probe
     };
+    let probed_at = |probe: Effect| Hypothesis { nominal: nominal.clone(), probe, has_shape, is_discrete };
+    if about.id == "joint_backlash" {
+        return PLAYS_RAD.iter().map(|gap| probed_at(nominal.clone().with(&[*gap]))).collect();
+    }
     if about.id == "drive_kinematic_error" {
         let at = |cycles: &f64| {
             let nominal = nominal.clone().with(&[0.0, *cycles]);
@@ -54,8 +66,7 @@ fn hypotheses_of(nominal: Effect) -> Vec<Hypothesis> {
         };
         return CYCLES.iter().map(at).collect();
     }
-    let probe = if has_shape { strong(nominal.clone()) } else { nominal.clone() };
-    vec![Hypothesis { nominal, probe, has_shape, is_discrete }]
+    vec![probed_at(if has_shape { strong(nominal.clone()) } else { nominal.clone() })]
 }
 
 /// Whether anything in these runs could ever show the effect.
@@ -105,6 +116,11 @@ impl Hypothesis {
     pub(crate) fn is_of(&self, effect: &Effect) -> bool {
         let own = &self.nominal;
         own.id() == effect.id() && own.index() == effect.index() && own.channel() == effect.channel()
+    }
+
+    /// Whether another is this cause too, whatever its size, and only looked for at another size.
+    pub(crate) fn is_same_cause(&self, other: &Self) -> bool {
+        self.is_of(&other.nominal) && self.nominal.values()[1..] == other.nominal.values()[1..]
     }
 
     /// The same cause around `effect`, which acts already: what more or less of it would do.

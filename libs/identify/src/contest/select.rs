@@ -148,7 +148,7 @@ impl Contest {
         };
         let worth = |s: &&Screened| {
             s.gain / noise > 0.5 * least_gain(&s.effect)
-                && !taken.hypotheses.contains(&s.hypothesis)
+                && !taken.hypotheses.iter().any(|h| self.hypotheses[*h].is_same_cause(&self.hypotheses[s.hypothesis]))
                 && self.is_worth_saying(s.hypothesis, &s.effect)
         };
         // A kind that is tried at several shapes does not crowd out the others.

@@ -33,10 +33,11 @@ impl Contest {
             }
             at += count;
             let without = self.refine_without(after, i)?;
-            let others = &rivals[i];
+            let is_other = |r: &&Refined| !self.hypotheses[*h].is_same_cause(&self.hypotheses[r.hypotheses[i]]);
+            let others: Vec<&Refined> = rivals[i].iter().filter(is_other).collect();
             let scale = 2.0 * TEMPER * unit(after).max(1.0);
             let weight = |r: &Refined| (-(Self::cost(r) - Self::cost(after)) / scale).exp();
-            let total = 1.0 + others.iter().map(weight).sum::<f64>();
+            let total = 1.0 + others.iter().copied().map(weight).sum::<f64>();
             let mut alternatives: Vec<Alternative> = others
                 .iter()
                 .map(|r| Alternative { effect: r.effects[i].clone(), probability: weight(r) / total })

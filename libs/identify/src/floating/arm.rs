@@ -1,17 +1,19 @@
 //! Motion of the arm under what its drives and encoders really are.
 //!
 //! Telemetry shows motors through encoders; the base feels links. Between them stand the encoder's scale and offset, the
-//! drive's kinematic error, its wind-up and its play. Wind-up and play follow the torque that the drive passes on, which
-//! the motion itself tells.
+//! drive's kinematic error, its wind-up and its play. Wind-up follows the torque that the drive passes on, which the motion
+//! itself tells. Within its play the link goes on as it was, until the motor's teeth take it along again.
 
 use super::telemetry::{Reading, readings};
+use super::torque::free_inertia;
 use crate::measured::Run;
 use fss_multibody::{Coordinates, JointVector, Model, State};
-use fss_plant::{JointPhysics, JointSample, Plant, Rollout, Servo};
+use fss_plant::{Grid, JointPhysics, JointSample, Plant, Rollout, Servo, ValveHistory};
 use nalgebra::Vector3;
 
-/// Torque within which play counts as neither side, N m.
-const PLAY_TORQUE_N_M: f64 = 0.02;
+/// Share of its speed with which a link comes back from the motor's teeth: little, since a motor that is struck gives way, and
+/// its servo takes up what it was struck with.
+const RESTITUTION: f64 = 0.1;
 
 /// The joints on a grid.
 #[derive(Clone, Debug)]
@@ -29,8 +31,16 @@ pub(crate) struct Arm {
     grid_s: Vec<f64>,
     ages_s: Vec<f64>,
     readings: Vec<Vec<Reading>>,
+    loads: Vec<Load>,
+}
+
+/// What a drive carries where it follows its motor.
+#[derive(Clone, Copy, Debug)]
+struct Load {
     /// Torques that the drives pass on, N m.
-    torques: Vec<JointVector>,
+    torque: JointVector,
+    /// Accelerations that each link would have of a torque of its own alone, all other joints being held, rad/s2/(N m).
+    mobility: JointVector,
 }
 
 impl Arm {
@@ -40,10 +50,13 @@ impl Arm {
         let readings = (0..plant.link_count())
             .map(|i| readings(run, i, &plant.sensors, &|t| rollout.physics(t).sensors.link_age_s(i), &grid_s))
             .collect();
-        let mut arm = Self { grid_s, ages_s, readings, torques: Vec::new() };
+        let mut arm = Self { grid_s, ages_s, readings, loads: Vec::new() };
         let motion = arm.motion(plant, rollout, run);
         if let Ok(model) = physics.model(0.0) {
-            arm.torques = motion.samples.iter().zip(&motion.acceleration).map(|(s, a)| torques(&model, s, a)).collect();
+            let pushes = pushes(rollout, run, &arm.grid_s, &motion);
+            let moments = motion.samples.iter().zip(&motion.acceleration).zip(&pushes);
+            arm.loads =
+                moments.map(|((sample, acceleration), push)| load(&model, sample, acceleration, push)).collect();
         }
         arm
     }
@@ -62,13 +75,15 @@ impl Arm {
             let fresh = moved.then(|| readings(run, joint, &plant.sensors, &age, &self.grid_s));
             let readings = fresh.as_ref().unwrap_or(&self.readings[joint]);
             let mut links: Vec<f64> = Vec::with_capacity(n);
+            let mut play = Play::default();
             for (k, reading) in readings.iter().enumerate() {
                 let physics = rollout.physics(self.grid_s[k]);
                 let drive = &physics.joints[joint];
                 let motor = |i: usize| reading.value[i] / drive.encoder_scale;
                 let m = motor(0) - drive.encoder_offset_rad / drive.encoder_scale;
-                let torque = self.torques.get(k).map_or(0.0, |t| t[joint]);
-                links.push(link_angle(drive, &physics.servos[joint], m, torque));
+                let (torque, mobility) = self.loads.get(k).map_or((0.0, 0.0), |l| (l.torque[joint], l.mobility[joint]));
+                play.advance(self.grid_s[k] - self.grid_s[k.saturating_sub(1)], -torque * mobility, drive.backlash_rad);
+                links.push(link_angle(drive, &physics.servos[joint], m, torque) + play.ahead_rad);
                 out.samples[k].q_rad[joint] = links[k];
                 out.samples[k].qd_rad_s[joint] = motor(1);
                 out.acceleration[k][joint] = motor(2);
@@ -95,23 +110,54 @@ impl Arm {
     }
 }
 
-/// Angle of the link where its motor stands at `motor` and the drive passes on `torque`.
+/// Angle of the link where its motor stands at `motor` and the drive passes on `torque`, in the middle of its play.
 fn link_angle(drive: &JointPhysics, servo: &Servo, motor: f64, torque: f64) -> f64 {
     let mut link = motor + drive.kinematic_error_rad * (drive.kinematic_cycles * motor).sin();
     if drive.is_elastic() {
-        let stiffness = drive.stiffness_n_m_rad.unwrap_or(servo.gear_stiffness_n_m_rad);
-        link -= torque / stiffness + 0.5 * drive.backlash_rad * (torque / PLAY_TORQUE_N_M).tanh();
+        link -= torque / drive.stiffness_n_m_rad.unwrap_or(servo.gear_stiffness_n_m_rad);
     }
     link
 }
 
-/// Torques that the drives pass on while the base follows the arm and nothing acts from outside.
-fn torques(model: &Model, sample: &JointSample, acceleration: &JointVector) -> JointVector {
+/// Where a link is within its play.
+#[derive(Clone, Copy, Debug, Default)]
+struct Play {
+    /// Ahead of its motor, rad.
+    ahead_rad: f64,
+    rate_rad_s: f64,
+}
+
+impl Play {
+    /// Goes on for `dt_s` with the acceleration that the link has relative to its motor where nothing holds it, rad/s2.
+    fn advance(&mut self, dt_s: f64, acceleration: f64, gap_rad: f64) {
+        let half = 0.5 * gap_rad;
+        self.rate_rad_s += dt_s * acceleration;
+        self.ahead_rad += dt_s * self.rate_rad_s;
+        if self.ahead_rad.abs() >= half {
+            self.ahead_rad = half.copysign(self.ahead_rad);
+            self.rate_rad_s *= -RESTITUTION;
+        }
+    }
+}
+
+/// Mean thrust around each point of the grid, base axes `[N, N, N m]`.
+fn pushes(rollout: &Rollout, run: &Run, grid_s: &[f64], motion: &ArmMotion) -> Vec<Vector3<f64>> {
+    let [first, second, ..] = grid_s else { return vec![Vector3::zeros(); grid_s.len()] };
+    let step_s = 2.0 * (second - first);
+    let grid = Grid { start_s: *first, step_s, steps: grid_s.len() / 2 };
+    let thrust = rollout.thrust(&ValveHistory::new(run.valves.clone()), &grid, &motion.samples);
+    (0..grid_s.len()).map(|half| thrust.get(half / 2).map_or_else(Vector3::zeros, |push| (*push).into())).collect()
+}
+
+/// What the drives carry while the base follows the arm, `push` at its base and nothing else from outside.
+fn load(model: &Model, sample: &JointSample, acceleration: &JointVector, push: &Vector3<f64>) -> Load {
     let mut state = State::at_rest(Coordinates::zeros());
     state.q.fixed_rows_mut::<{ fss_multibody::MAX_LINKS }>(3).copy_from(&sample.q_rad);
     state.v.fixed_rows_mut::<{ fss_multibody::MAX_LINKS }>(3).copy_from(&sample.qd_rad_s);
     let twist = model.base_twist(&state.q, &sample.qd_rad_s, &Vector3::zeros());
     state.v.fixed_rows_mut::<3>(0).copy_from(&twist);
-    let acc = model.prescribed_dynamics(&state, acceleration, &Vector3::zeros());
-    model.inverse_dynamics(&state, &acc).fixed_rows::<{ fss_multibody::MAX_LINKS }>(3).into_owned()
+    let acc = model.prescribed_dynamics(&state, acceleration, push);
+    let torque = model.inverse_dynamics(&state, &acc).fixed_rows::<{ fss_multibody::MAX_LINKS }>(3).into_owned();
+    let inertia = free_inertia(&model.mass_matrix(&state.q));
+    Load { torque, mobility: inertia.diagonal().map(|own| if own > 0.0 { 1.0 / own } else { 0.0 }) }
 }
