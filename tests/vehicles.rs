@@ -21,12 +21,12 @@ static ONE_PAIR: Mutex<()> = Mutex::new(());
 
 /// Holds its place for so long, in a laboratory that has a target where the other vehicle stands in its own.
 fn chaser_mission(hold_s: u32) -> String {
-    let target = r#"x_m = -0.9
+    let target = "x_m = -0.9
 [target]
 mass_kg = 10
 inertia_kg_m2 = 0.15
 radius_m = 0.15
-"#;
+";
     holding("watch", &format!("{target}{TARGET_PLACE}"), hold_s)
 }
 

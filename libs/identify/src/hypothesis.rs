@@ -42,10 +42,10 @@ pub(crate) fn hypotheses(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
         candidates.extend(Effect::new(id).ok().map(|e| e.nominal(plant)));
     }
     candidates.retain(|e| is_askable(e, plant, runs));
-    candidates.into_iter().flat_map(hypotheses_of).collect()
+    candidates.iter().flat_map(hypotheses_of).collect()
 }
 
-fn hypotheses_of(nominal: Effect) -> Vec<Hypothesis> {
+fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
     let about = nominal.about();
     let has_shape = SHAPED.contains(&about.id);
     let is_discrete = about.id == "valve_swap";
