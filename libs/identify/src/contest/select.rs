@@ -41,10 +41,12 @@ const FAR: f64 = 1.0;
 const MOST_CENTRES: usize = 3;
 /// So many of the best in the screen are asked anew then; what the others would do is taken to be as before.
 const ASKED_ANEW: usize = 50;
-/// How many of its standard deviations one of several causes must be away from nothing.
-const LEAST_CLEARNESS: f64 = 3.0;
-/// The same where no model comes near the noise: windows are off alike there, and say less together than they seem to.
-const LEAST_CLEARNESS_IF_DOUBTFUL: f64 = 5.0;
+/// How many of its standard deviations one of several causes must be away from nothing. In blind games companions that were
+/// not there stood up to five away.
+const LEAST_CLEARNESS: f64 = 6.0;
+/// Cosine from which on two causes do the same: together they would say how much the one exceeds the other, and be both
+/// as large as one likes.
+const ONE_AND_THE_SAME: f64 = 0.95;
 
 /// A cause that was taken, and what else it could be.
 #[derive(Clone)]
@@ -203,11 +205,19 @@ impl Contest {
             None => (least_gain(&next.effects[last]), LEAST_SHARE),
         };
         !idle
+            && self.stands_apart(&next.hypotheses)
             && self.sides_agree(next, last)
             && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
             && gain / unit(next) > least
             && share > least_share
             && self.kept(next, last) > LEAST_KEPT
+    }
+
+    /// Whether the last of several causes does something else than each of the others.
+    fn stands_apart(&self, hypotheses: &[usize]) -> bool {
+        let last = hypotheses.len() - 1;
+        let cosines = self.confusability(hypotheses);
+        (0..last).all(|i| cosines[(last, i)] < ONE_AND_THE_SAME)
     }
 
     /// Whether a cause is beyond what every laboratory is off by.
@@ -253,9 +263,8 @@ impl Contest {
         if after.hypotheses.len() < 2 {
             return None;
         }
-        let least = if self.unit > 1.0 { LEAST_CLEARNESS_IF_DOUBTFUL } else { LEAST_CLEARNESS };
         let clearness = self.clearness(after).into_iter().enumerate();
-        clearness.filter(|(_, clear)| *clear < least).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+        clearness.filter(|(_, clear)| *clear < LEAST_CLEARNESS).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
 
     /// The rivals of each cause taken.
