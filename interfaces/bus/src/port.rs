@@ -7,6 +7,7 @@ use fss_messages::topic::Topic;
 use fss_messages::{Header, Sample, Step};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::ipc;
 
 /// Where samples come from.
@@ -64,6 +65,15 @@ impl<T: Sample> Sink<T> {
                 Ok(loan) => loan.write_payload(*sample).send().is_ok(),
                 Err(_) => false,
             },
+        }
+    }
+
+    /// Lets go of readers that are gone. With a sample that goes without saying; a publisher that seldom sends would keep
+    /// the shared memory of every reader that died meanwhile.
+    fn let_go(&self) {
+        if let Self::Shared(publisher) = self {
+            // What cannot be let go of now is let go of with the next step.
+            let _ = publisher.update_connections();
         }
     }
 }
@@ -283,6 +293,9 @@ impl<T: Sample> OutputPort for Output<T> {
 
     fn flush(&mut self, now: Time) -> u64 {
         let mut dropped = std::mem::take(&mut self.dropped);
+        if self.staged.is_empty() {
+            self.sink.let_go();
+        }
         for sample in &mut self.staged {
             self.sequence += 1;
             let stamp_ns = sample.header().stamp_ns;
