@@ -69,7 +69,9 @@ pub struct Soak {
     records: u64,
     lost_records: u64,
     valve_open_after_command_loss_ms_max: f64,
-    /// The longest that the host did not run the laboratory, and with it the valves.
+    /// The same, less the time in which the host did not run the laboratory, and with it the valves.
+    valve_open_while_world_ran_ms_max: f64,
+    /// The longest that the host did not run the laboratory.
     world_stood_still_ms_max: f64,
     service_silent_ms_max: BTreeMap<String, f64>,
     rss_growth_bytes: u64,
@@ -288,6 +290,8 @@ impl Soak {
         self.shm_leaked_bytes = self.shm_leaked_bytes.max(found.shm_growth_bytes);
         let open_ms = found.seen.open_after_ns as f64 * 1e-6;
         self.valve_open_after_command_loss_ms_max = self.valve_open_after_command_loss_ms_max.max(open_ms);
+        let running_ms = found.seen.open_while_running_ns as f64 * 1e-6;
+        self.valve_open_while_world_ran_ms_max = self.valve_open_while_world_ran_ms_max.max(running_ms);
         let stood_still_ms = found.seen.world_stood_still_ns as f64 * 1e-6;
         self.world_stood_still_ms_max = self.world_stood_still_ms_max.max(stood_still_ms);
         for (service, silent_ns) in &found.seen.silent_ns {

@@ -12,6 +12,8 @@ use std::collections::{BTreeMap, VecDeque};
 pub struct Testimony {
     /// The longest that a valve was seen open after the last command that opened it, ns.
     pub open_after_ns: u64,
+    /// The same, less the time in which the world stood still meanwhile: what its valves did while they could do anything, ns.
+    pub open_while_running_ns: u64,
     /// Whether a valve was open when last seen.
     pub open: bool,
     /// The longest that the laboratory told no truth beyond its period: its world stood still, valves and all, ns.
@@ -37,6 +39,15 @@ pub struct Late {
     pub count: u64,
 }
 
+/// The last command that opened a valve.
+#[derive(Clone, Copy, Default)]
+struct Opened {
+    /// When, ns.
+    at_ns: u64,
+    /// How long the world had stood still in all by then, ns.
+    stood_still_ns: u64,
+}
+
 /// Watches; to be asked to look every few milliseconds.
 pub struct Witness {
     commands: Batch<ThrustersCommand>,
@@ -49,7 +60,9 @@ pub struct Witness {
     truth_ns: Option<u64>,
     /// Commands that the truth has not come to yet.
     pending: VecDeque<ThrustersCommand>,
-    commanded_ns: [u64; MAX_THRUSTERS],
+    opened: [Opened; MAX_THRUSTERS],
+    /// How long the world stood still in all, ns.
+    stood_still_ns: u64,
     /// The last sign of life of each service, ns.
     pub alive_ns: BTreeMap<String, u64>,
     /// The last blow upon each service, ns.
@@ -74,7 +87,8 @@ impl Witness {
             ended_ns: None,
             truth_ns: None,
             pending: VecDeque::new(),
-            commanded_ns: [0; MAX_THRUSTERS],
+            opened: [Opened::default(); MAX_THRUSTERS],
+            stood_still_ns: 0,
             alive_ns: BTreeMap::new(),
             struck_ns: BTreeMap::new(),
             seen: Testimony::default(),
@@ -97,21 +111,30 @@ impl Witness {
         let until_ns = self.ended_ns.unwrap_or(u64::MAX);
         self.pending.extend(self.commands.samples());
         for truth in self.truth.samples() {
+            // The world tells its truth at this time at the latest, or it stands still from then on.
+            let due_ns = self.truth_ns.replace(truth.stamp_ns).unwrap_or(truth.stamp_ns) + TRUTH_PERIOD_NS;
+            let stood_still_ns = truth.stamp_ns.saturating_sub(due_ns);
+            self.stood_still_ns += stood_still_ns;
+            self.seen.world_stood_still_ns = self.seen.world_stood_still_ns.max(stood_still_ns);
             // In the order of their times, however late this looks: no later command excuses an open valve.
             while let Some(command) = self.pending.front().filter(|c| c.published_ns <= truth.stamp_ns) {
-                for (at, &open) in self.commanded_ns.iter_mut().zip(&command.valves) {
-                    *at = if open == 0 { *at } else { command.published_ns };
+                let at_ns = command.published_ns;
+                let still_to_come_ns = truth.stamp_ns.saturating_sub(at_ns.max(due_ns));
+                let opened = Opened { at_ns, stood_still_ns: self.stood_still_ns - still_to_come_ns };
+                for (last, &open) in self.opened.iter_mut().zip(&command.valves) {
+                    *last = if open == 0 { *last } else { opened };
                 }
                 self.pending.pop_front();
             }
-            let since_ns =
-                truth.stamp_ns.saturating_sub(self.truth_ns.replace(truth.stamp_ns).unwrap_or(truth.stamp_ns));
-            let stood_still_ns = since_ns.saturating_sub(TRUTH_PERIOD_NS);
-            self.seen.world_stood_still_ns = self.seen.world_stood_still_ns.max(stood_still_ns);
-            let open = truth.valves.iter().zip(&self.commanded_ns).filter(|(valve, _)| **valve != 0);
-            let after = open.map(|(_, at)| truth.stamp_ns.saturating_sub(*at)).max();
-            self.seen.open = after.is_some();
-            self.seen.open_after_ns = self.seen.open_after_ns.max(after.unwrap_or(0));
+            let open = truth.valves.iter().zip(&self.opened).filter(|(valve, _)| **valve != 0);
+            self.seen.open = false;
+            for (_, opened) in open {
+                let after_ns = truth.stamp_ns.saturating_sub(opened.at_ns);
+                let running_ns = after_ns.saturating_sub(self.stood_still_ns - opened.stood_still_ns);
+                self.seen.open = true;
+                self.seen.open_after_ns = self.seen.open_after_ns.max(after_ns);
+                self.seen.open_while_running_ns = self.seen.open_while_running_ns.max(running_ns);
+            }
         }
         for health in self.health.samples() {
             let service = text_of(&health.service).to_owned();
