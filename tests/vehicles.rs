@@ -4,7 +4,7 @@
 mod common;
 
 use common::{fss, json, succeed, text};
-use fss_messages::{Event, NavState, PeerState, Sample, text_of};
+use fss_messages::{Event, NavState, PeerState, Sample, TruthState, text_of};
 use fss_records::log::{Log, Samples};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -157,7 +157,10 @@ fn same_bytes(chaser: &Log, target: &Log) -> usize {
 fn two_stacks_on_one_computer_keep_their_names_and_their_shared_memory_apart() {
     let _alone = ONE_PAIR.lock();
     let folder = tempfile::tempdir().unwrap();
-    let chaser = Flight::start(&[], folder.path(), "chaser", CHASER, &chaser_mission(16));
+    // Of the target it knows the mass and the size; where it is the target's own laboratory says.
+    let mission =
+        chaser_mission(16).replace(&format!("radius_m = 0.15\n{TARGET_PLACE}"), "radius_m = 0.15\nx_m = 0\ny_m = 0");
+    let chaser = Flight::start(&[], folder.path(), "chaser", CHASER, &mission);
     let target = Flight::start(&[], folder.path(), "target", TARGET, &target_mission(4));
     std::thread::sleep(Duration::from_secs(6));
     let top = text(&fss(&["top", "--once", "--vehicle", "chaser"]).stdout);
@@ -170,6 +173,21 @@ fn two_stacks_on_one_computer_keep_their_names_and_their_shared_memory_apart() {
     assert_eq!(of_target, ["/target/nav/state", "/target/peer"]);
     assert!(same_bytes(&chaser, &target) > 200);
     says_in_order(&said(&chaser, "/chaser/events", "bridge"), &["target speaks", "target is stale"]);
+    one_table(&chaser, &target);
+}
+
+/// The two laboratories share a table: the chaser's target is where the target's own laboratory has its base.
+#[track_caller]
+fn one_table(chaser: &Log, target: &Log) {
+    let seen = samples::<TruthState>(chaser, "/chaser/truth/state");
+    let mut together = 0;
+    for own in samples::<TruthState>(target, "/target/truth/state").iter().skip(50) {
+        let Some(seen) = seen.iter().find(|seen| seen.stamp_ns.abs_diff(own.stamp_ns) < 2_000_000) else { continue };
+        let apart_m = (seen.target[0] - own.x_m).hypot(seen.target[1] - own.y_m);
+        assert!(apart_m < 1e-3, "the target is seen {apart_m} m beside where it is");
+        together += 1;
+    }
+    assert!(together > 200, "both truths were told at {together} times");
 }
 
 /// Two network namespaces and a cable between them; gone when dropped.

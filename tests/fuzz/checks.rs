@@ -6,7 +6,7 @@ use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::experiment::{Experiment, Table};
 use fss_records::log::Log;
-use fss_wire::{dsp3000, link, valves, vicon};
+use fss_wire::{bridge, dsp3000, granite, link, valves, vicon};
 use std::path::{Path, PathBuf};
 
 /// A reader's name, whose corpus lies in the folder of that name, and what must hold of it.
@@ -18,6 +18,8 @@ pub const CHECKS: &[Check] = &[
     ("dsp3000", check_dsp3000),
     ("link", check_link),
     ("valves", check_valves),
+    ("bridge", check_bridge),
+    ("granite", check_granite),
     ("log", check_log),
     ("table", check_table),
     ("experiment", check_experiment),
@@ -31,6 +33,21 @@ pub const CHECKS: &[Check] = &[
 pub fn check_vicon(datagram: &[u8]) {
     if let Ok(frame) = vicon::Frame::decode(datagram) {
         assert!(frame.objects().count() * vicon::OBJECT_LEN + vicon::HEADER_LEN <= datagram.len());
+    }
+}
+
+/// What goes with a sample from another vehicle is read or refused; what is read encodes to the same bytes.
+pub fn check_bridge(bytes: &[u8]) {
+    if let Ok(envelope) = bridge::Envelope::decode(bytes) {
+        assert_eq!(envelope.encode(), bytes);
+    }
+}
+
+/// The word of another vehicle's laboratory is read, all numbers finite, or refused; what is read is read again as it was.
+pub fn check_granite(datagram: &[u8]) {
+    if let Some(state) = granite::State::decode(datagram) {
+        assert!(state.pose.iter().chain(&state.velocity).all(|number| number.is_finite()));
+        assert_eq!(granite::State::decode(&state.encode()), Some(state));
     }
 }
 

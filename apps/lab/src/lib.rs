@@ -10,6 +10,7 @@ mod config;
 mod devices;
 mod error;
 mod faults;
+mod granite;
 mod gripper;
 mod laboratory;
 pub mod process;

@@ -95,7 +95,8 @@ impl Drop for Driver {
 
 fn addresses(folder: &Path, vicon: SocketAddr) -> Addresses {
     let any: SocketAddr = "127.0.0.1:0".parse().unwrap();
-    Addresses { vicon, gyro: folder.join("gyro.tty"), valves: folder.join("valves.sock"), links: vec![any; 4] }
+    let (gyro, valves) = (folder.join("gyro.tty"), folder.join("valves.sock"));
+    Addresses { vicon, gyro, valves, links: vec![any; 4], granite: None }
 }
 
 fn socket() -> UdpSocket {

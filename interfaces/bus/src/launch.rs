@@ -31,6 +31,9 @@ pub struct Launch {
     /// Where `ground` serves the live view; absent: nowhere, and it is not started.
     #[serde(default)]
     pub ground: Option<Ground>,
+    /// Where the simulated laboratories of two vehicles on one table hear each other; absent: alone on the table.
+    #[serde(default)]
+    pub granite: Option<Granite>,
     /// What passes between this vehicle and others.
     #[serde(default)]
     pub bridge: Option<Bridge>,
@@ -101,6 +104,16 @@ pub struct Ground {
     /// Whether viewers may tune parameters and abort the mission; only where `listen` is on the loopback.
     #[serde(default)]
     pub commands: bool,
+}
+
+/// Where the simulated laboratories of two vehicles on one table hear each other.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Granite {
+    /// UDP address at which this vehicle's laboratory listens.
+    pub here: SocketAddr,
+    /// UDP address at which the other one's does, on the same computer.
+    pub there: SocketAddr,
 }
 
 /// When and how one service runs.
@@ -213,7 +226,28 @@ impl Launch {
                 return refuse(format!("the priority of '{name}' is out of range"), help, service.name.span());
             }
         }
+        self.check_granite()?;
         self.check_neighbours()
+    }
+
+    /// Whether the two laboratories of a table can hear each other.
+    fn check_granite(&self) -> Result<(), LaunchError> {
+        let refuse = |message: &str, help: &str| {
+            Err(LaunchError { message: message.to_owned(), help: help.to_owned(), span: None })
+        };
+        match &self.granite {
+            Some(_) if self.schedule("lab").is_none() => {
+                refuse("[granite] joins simulated laboratories, and there is none", "remove it: the real table is one")
+            }
+            Some(g) if g.here == g.there => {
+                refuse("[granite] here and there are the same", "`there` is what the other launch file calls `here`")
+            }
+            Some(g) if !(g.here.ip().is_loopback() && g.there.ip().is_loopback()) => refuse(
+                "[granite] is for two laboratories on one computer, which has one clock",
+                "take addresses on the loopback, such as 127.0.0.1:53300",
+            ),
+            _ => Ok(()),
+        }
     }
 
     /// The schedule of a service, if the launch file has it.

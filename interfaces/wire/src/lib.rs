@@ -6,6 +6,8 @@
 //! | [`dsp3000`] | fibre-optic gyro KVH DSP-3000 | RS-232, 38400 8N1, ASCII lines |
 //! | [`link`] | one modular arm link | UDP, a datagram of our own |
 //! | [`valves`] | the thruster valves of the simulated laboratory | Unix stream, 8-byte frames |
+//! | [`granite`] | another vehicle's simulated laboratory on the same table | UDP, a datagram of our own |
+//! | [`bridge`] | another vehicle | beside each sample over zenoh |
 //!
 //! Each module has an encoder and a decoder, because the laboratory speaks as the device and a service listens. Decoders
 //! take whatever arrives: they never panic, never allocate, look at a bounded number of bytes, and name what is wrong.
@@ -16,6 +18,7 @@
 pub mod bridge;
 mod bytes;
 pub mod dsp3000;
+pub mod granite;
 pub mod link;
 pub mod valves;
 pub mod vicon;

@@ -17,6 +17,8 @@ pub(crate) struct Target {
     velocity: [f64; 3],
     /// Where it is held in the last link's frame: joint to its centre, and its heading there.
     held: Option<[f64; 3]>,
+    /// All that the tip has pushed it so far, table axes (N s).
+    pushed_n_s: [f64; 2],
 }
 
 /// Why nothing was grasped.
@@ -41,7 +43,7 @@ pub enum GraspError {
 
 impl Target {
     pub(crate) fn new(body: &parts::Target) -> Self {
-        Self { pose: body.pose, velocity: body.velocity, body: body.clone(), held: None }
+        Self { pose: body.pose, velocity: body.velocity, body: body.clone(), held: None, pushed_n_s: [0.0; 2] }
     }
 }
 
@@ -58,6 +60,25 @@ impl Simulation {
         {
             (target.pose, target.velocity) = (pose, velocity);
         }
+    }
+
+    /// All that the tip has pushed the target so far, table axes (N s).
+    pub fn pushed_n_s(&self) -> [f64; 2] {
+        self.target.as_ref().map_or([0.0; 2], |t| t.pushed_n_s)
+    }
+
+    /// Somebody pushes the vehicle through the origin of its base frame, table axes (N s).
+    pub fn push(&mut self, impulse_n_s: [f64; 2]) {
+        let mut along = Coordinates::zeros();
+        (along[0], along[1]) = (impulse_n_s[0], impulse_n_s[1]);
+        let q = self.motion.state.q;
+        self.motion.state.v += self.model().mass_matrix_inverse(&q) * along;
+    }
+
+    /// Somebody holds the vehicle and moves its base as he likes; its joints go on as they are.
+    pub fn carry_base(&mut self, pose: [f64; 3], velocity: [f64; 3]) {
+        self.motion.state.q.as_mut_slice()[..3].copy_from_slice(&pose);
+        self.motion.state.v.as_mut_slice()[..3].copy_from_slice(&velocity);
     }
 
     /// Whether the target is held.
@@ -173,7 +194,9 @@ impl Simulation {
         let give = along.dot(&per_impulse) + 1.0 / target.body.mass_kg;
         let impulse = (1.0 + target.body.restitution) * approach / give;
         self.motion.state.v -= impulse * per_impulse;
-        target.velocity[0] += impulse * normal[0] / target.body.mass_kg;
-        target.velocity[1] += impulse * normal[1] / target.body.mass_kg;
+        for (i, along) in normal.into_iter().enumerate() {
+            target.velocity[i] += impulse * along / target.body.mass_kg;
+            target.pushed_n_s[i] += impulse * along;
+        }
     }
 }

@@ -4,6 +4,7 @@
 //! terminal, serves each link at an address of its own, and follows the valve line. Nothing in it blocks: what a reader
 //! does not take is lost, as on a real line. Sockets and links in the file system vanish with it.
 
+mod granite_line;
 mod terminal;
 mod valve_line;
 
@@ -12,6 +13,7 @@ use crate::{LabConfig, LabError, TRUTH_PERIOD_NS};
 use fss_bus::{Time, realtime};
 use fss_messages::TruthState;
 use fss_plant::Plant;
+use granite_line::GraniteLine;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,6 +37,8 @@ pub struct Addresses {
     pub valves: PathBuf,
     /// Where each link listens, link 1 first; with port 0 the system chooses one.
     pub links: Vec<SocketAddr>,
+    /// Where this laboratory listens to that of another vehicle on the same table, and where the other one listens.
+    pub granite: Option<[SocketAddr; 2]>,
 }
 
 /// How one step of the loop kept its time.
@@ -56,6 +60,7 @@ pub struct Process {
     laboratory: Laboratory,
     ports: Ports,
     valve_line: ValveLine,
+    granite_line: Option<GraniteLine>,
     next_truth_ns: u64,
 }
 
@@ -86,9 +91,10 @@ impl Process {
             warned: false,
         };
         let valve_line = ValveLine::open(&addresses.valves)?;
+        let granite_line = addresses.granite.map(|[here, there]| GraniteLine::open(here, there)).transpose()?;
         let start_ns = realtime::now()?.ns();
         let laboratory = Laboratory::new(plant, config, start_ns)?;
-        Ok(Self { laboratory, ports, valve_line, next_truth_ns: start_ns })
+        Ok(Self { laboratory, ports, valve_line, granite_line, next_truth_ns: start_ns })
     }
 
     /// The laboratory inside.
@@ -115,7 +121,13 @@ impl Process {
                 laboratory.command_link(link, from, buffer.get(..len).unwrap_or_default());
             }
         }
+        if let Some(other) = self.granite_line.as_ref().and_then(GraniteLine::hear) {
+            laboratory.hear(&other);
+        }
         laboratory.step_to(now.ns(), &mut self.ports);
+        if let Some(line) = &self.granite_line {
+            line.tell(&laboratory.tell());
+        }
     }
 
     /// Runs until `stop` is set, once a millisecond, and tells the truth 100 times a second; after each step it says how
