@@ -4,6 +4,9 @@ use crate::launch::Schedule;
 use crate::{BusError, Time};
 use std::io;
 
+/// The least of `SCHED_FIFO`.
+const LEAST_PRIORITY: u8 = 1;
+
 /// What the process was granted; what it was not is said in `missing`.
 #[derive(Clone, Debug, Default)]
 pub struct Privileges {
@@ -90,6 +93,13 @@ pub fn set_fifo_priority(priority: u8) -> io::Result<()> {
     // SAFETY: `parameters` is valid and only read; 0 names the calling thread.
     let code = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) };
     if code == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Puts the calling thread, which serves a device of a real-time service, before everything that is not real time and behind
+/// every loop: what a busy host does delays no measurement, and a flood of datagrams delays no loop. Where the system refuses
+/// it, it stays under normal scheduling.
+pub fn enter_device() {
+    let _refused = set_fifo_priority(LEAST_PRIORITY);
 }
 
 #[allow(unsafe_code)]

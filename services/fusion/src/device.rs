@@ -47,7 +47,7 @@ pub fn gyro_packet(reading: dsp3000::Reading, received_ns: u64) -> GyroPacket {
     GyroPacket { received_ns, rate_rad_s: reading.value_rad, valid: reading.is_usable_rate() }
 }
 
-/// Receives motion capture until `stop` is set.
+/// Receives motion capture until `stop` is set; as urgently as a real-time service needs it, or not.
 ///
 /// # Errors
 /// Where the address cannot be bound.
@@ -56,10 +56,14 @@ pub fn receive_vicon(
     names: ObjectNames,
     queue: Queue<MocapPacket>,
     stop: Arc<AtomicBool>,
+    urgent: bool,
 ) -> io::Result<JoinHandle<()>> {
     let socket = UdpSocket::bind(address)?;
     socket.set_read_timeout(Some(POLL))?;
     std::thread::Builder::new().name("vicon".to_owned()).spawn(move || {
+        if urgent {
+            realtime::enter_device();
+        }
         let mut datagram = [0; DATAGRAM_LEN];
         while !stop.load(Ordering::Relaxed) {
             let Ok((len, _)) = socket.recv_from(&mut datagram) else { continue };
@@ -72,14 +76,22 @@ pub fn receive_vicon(
     })
 }
 
-/// Reads the gyro's serial port until `stop` is set; a port that fails is opened again.
+/// Reads the gyro's serial port until `stop` is set, as urgently as a real-time service needs it, or not; a port that fails is opened again.
 ///
 /// # Errors
 /// Where the port cannot be opened at first.
-pub fn read_gyro(path: &Path, queue: Queue<GyroPacket>, stop: Arc<AtomicBool>) -> io::Result<JoinHandle<()>> {
+pub fn read_gyro(
+    path: &Path,
+    queue: Queue<GyroPacket>,
+    stop: Arc<AtomicBool>,
+    urgent: bool,
+) -> io::Result<JoinHandle<()>> {
     let mut port = Some(open_serial(path)?);
     let path = path.to_owned();
     std::thread::Builder::new().name("gyro".to_owned()).spawn(move || {
+        if urgent {
+            realtime::enter_device();
+        }
         let mut decoder = dsp3000::Decoder::new();
         let mut bytes = [0; 256];
         while !stop.load(Ordering::Relaxed) {

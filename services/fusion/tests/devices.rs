@@ -41,7 +41,7 @@ fn datagram(frame: u32, name: &str, x_m: f64) -> Vec<u8> {
 fn motion_capture_arrives_by_name_and_nonsense_does_not() {
     let queue: Queue<MocapPacket> = Bus::local().queue(VICON_QUEUE, 64).unwrap();
     let (address, stop) = (free_address(), Arc::new(AtomicBool::new(false)));
-    let thread = receive_vicon(address, ObjectNames::default(), queue.clone(), stop.clone()).unwrap();
+    let thread = receive_vicon(address, ObjectNames::default(), queue.clone(), stop.clone(), false).unwrap();
     let tracker = UdpSocket::bind("127.0.0.1:0").unwrap();
     let before_ns = realtime::now().unwrap().ns();
     for bytes in [b"nonsense".to_vec(), Vec::new(), datagram(7, "base", 0.1), datagram(8, "wand", 0.1)] {
@@ -61,7 +61,7 @@ fn motion_capture_arrives_by_name_and_nonsense_does_not() {
 fn a_busy_port_is_refused() {
     let held = UdpSocket::bind("127.0.0.1:0").unwrap();
     let queue = Bus::local().queue(VICON_QUEUE, 64).unwrap();
-    let result = receive_vicon(held.local_addr().unwrap(), ObjectNames::default(), queue, Arc::default());
+    let result = receive_vicon(held.local_addr().unwrap(), ObjectNames::default(), queue, Arc::default(), false);
     assert_eq!(result.unwrap_err().kind(), ErrorKind::AddrInUse);
 }
 
@@ -73,7 +73,7 @@ fn the_gyros_lines_arrive_from_a_serial_port() {
     let path = PathBuf::from(ptsname(&unit, Vec::new()).unwrap().into_string().unwrap());
     let queue: Queue<GyroPacket> = Bus::local().queue(GYRO_QUEUE, 64).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    let thread = read_gyro(&path, queue.clone(), stop.clone()).unwrap();
+    let thread = read_gyro(&path, queue.clone(), stop.clone(), false).unwrap();
     let line = |value_rad, valid| Line::encode(Reading { value_rad, valid });
     let said = [
         b"cut off\r\n".as_slice(),
@@ -93,7 +93,7 @@ fn the_gyros_lines_arrive_from_a_serial_port() {
 
 #[test]
 fn a_gyro_that_is_not_there_or_is_no_serial_port_is_refused() {
-    let open = |path: &Path| read_gyro(path, Bus::local().queue(GYRO_QUEUE, 64).unwrap(), Arc::default());
+    let open = |path: &Path| read_gyro(path, Bus::local().queue(GYRO_QUEUE, 64).unwrap(), Arc::default(), false);
     assert_eq!(open(Path::new("/dev/no-such-gyro")).unwrap_err().kind(), ErrorKind::NotFound);
     assert!(open(Path::new("/dev/null")).is_err());
 }

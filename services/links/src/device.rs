@@ -23,7 +23,7 @@ pub struct Device {
 
 impl Device {
     /// Speaks from the address `local` with the links at `links`, joint 1 first. Datagrams from any other address are
-    /// dropped; a full telemetry queue loses its oldest.
+    /// dropped; a full telemetry queue loses its oldest. As urgently as a real-time service needs it, or not.
     ///
     /// # Errors
     /// Where the address is taken or the thread cannot be made.
@@ -32,13 +32,19 @@ impl Device {
         links: Vec<SocketAddr>,
         telemetry: Queue<TelemetryDatagram>,
         commands: Queue<CommandDatagram>,
+        urgent: bool,
     ) -> io::Result<Self> {
         let socket = UdpSocket::bind(local)?;
         socket.set_read_timeout(Some(WAIT))?;
         let local = socket.local_addr()?;
         let stop = Arc::new(AtomicBool::new(false));
         let radio = Radio { socket, links, telemetry, commands, stop: stop.clone() };
-        let thread = std::thread::Builder::new().name("links-udp".to_owned()).spawn(move || radio.run())?;
+        let thread = std::thread::Builder::new().name("links-udp".to_owned()).spawn(move || {
+            if urgent {
+                realtime::enter_device();
+            }
+            radio.run();
+        })?;
         Ok(Self { stop, thread: Some(thread), local })
     }
 

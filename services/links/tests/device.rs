@@ -15,7 +15,8 @@ fn datagrams_cross_between_queues_and_sockets_and_strangers_are_not_heard() {
     let telemetry = bus.queue::<TelemetryDatagram>(TELEMETRY_QUEUE, 64).unwrap();
     let commands = bus.queue::<CommandDatagram>(COMMAND_QUEUE, 64).unwrap();
     let addresses = links.iter().map(|link| link.local_addr().unwrap()).collect();
-    let device = Device::start("127.0.0.1:0".parse().unwrap(), addresses, telemetry.clone(), commands.clone()).unwrap();
+    let device =
+        Device::start("127.0.0.1:0".parse().unwrap(), addresses, telemetry.clone(), commands.clone(), false).unwrap();
 
     let _ = commands.push(CommandDatagram { link: 1, bytes: [7; 60] });
     let _ = commands.push(CommandDatagram { link: 9, bytes: [9; 60] });
@@ -46,6 +47,6 @@ fn a_taken_port_is_an_error() {
     let bus = Bus::local();
     let telemetry = bus.queue(TELEMETRY_QUEUE, 64).unwrap();
     let commands = bus.queue(COMMAND_QUEUE, 64).unwrap();
-    let error = Device::start(taken.local_addr().unwrap(), Vec::new(), telemetry, commands).unwrap_err();
+    let error = Device::start(taken.local_addr().unwrap(), Vec::new(), telemetry, commands, false).unwrap_err();
     assert_eq!(error.kind(), std::io::ErrorKind::AddrInUse);
 }

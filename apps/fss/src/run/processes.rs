@@ -66,6 +66,11 @@ impl Site {
             .ok_or_else(|| miette!("the launch file has no [[service]] named '{name}'; add one with its rate_hz"))
     }
 
+    /// Whether a service has a real-time priority: then what serves its devices is as urgent.
+    fn is_real_time(&self, name: &str) -> Result<bool> {
+        Ok(self.schedule(name)?.priority.is_some())
+    }
+
     fn fly<S: Service>(&self, service: S, after_step: impl FnMut()) -> Result<S> {
         let schedule = self.schedule(S::NAME)?;
         let mut runner = Runner::new(service, &self.bus).into_diagnostic()?;
@@ -229,12 +234,14 @@ fn bridge(site: &Site) -> Result<()> {
 }
 
 fn fusion(site: &Site) -> Result<()> {
-    let devices = &site.launch.devices;
-    let vicon = receive_vicon(devices.vicon, ObjectNames::default(), site.queue(VICON_QUEUE)?, site.stop.clone())
+    let (devices, urgent) = (&site.launch.devices, site.is_real_time("fusion")?);
+    let (frames, stop) = (site.queue(VICON_QUEUE)?, site.stop.clone());
+    let vicon = receive_vicon(devices.vicon, ObjectNames::default(), frames, stop, urgent)
         .into_diagnostic()
         .wrap_err_with(|| format!("motion capture: cannot receive at {} ([devices] vicon)", devices.vicon))?;
     let path = &devices.gyro;
-    let gyro = wait_for_device(path, || read_gyro(path, site.queue(GYRO_QUEUE)?, site.stop.clone()).into_diagnostic())
+    let read = || read_gyro(path, site.queue(GYRO_QUEUE)?, site.stop.clone(), urgent).into_diagnostic();
+    let gyro = wait_for_device(path, read)
         .wrap_err_with(|| format!("gyro: cannot open {} ([devices] gyro)", path.display()))?;
     site.fly(Fusion::new(FusionConfig::from_plant(&site.stack.plant)), || ())?;
     for thread in [vicon, gyro] {
@@ -246,7 +253,8 @@ fn fusion(site: &Site) -> Result<()> {
 fn links(site: &Site) -> Result<()> {
     let devices = &site.launch.devices;
     let (telemetry, commands) = (site.queue(TELEMETRY_QUEUE)?, site.queue(COMMAND_QUEUE)?);
-    let _device = fss_links::device::Device::start(devices.links_local, devices.links.clone(), telemetry, commands)
+    let (local, links, urgent) = (devices.links_local, devices.links.clone(), site.is_real_time("links")?);
+    let _device = fss_links::device::Device::start(local, links, telemetry, commands, urgent)
         .into_diagnostic()
         .wrap_err_with(|| format!("links: cannot speak from {} ([devices] links_local)", devices.links_local))?;
     let first = first_sequence(unix_time_ns()?);

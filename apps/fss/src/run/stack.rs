@@ -27,6 +27,7 @@ pub const MISSIONS: &[(&str, &str)] = &[
     ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
     ("detumble", include_str!("../../../../deploy/etc/missions/detumble.toml")),
     ("capture", include_str!("../../../../deploy/etc/missions/capture.toml")),
+    ("drift", include_str!("../../../../deploy/etc/missions/drift.toml")),
     ("service", include_str!("../../../../deploy/etc/missions/service.toml")),
     ("calibrate", include_str!("../../../../deploy/etc/missions/calibrate.toml")),
     ("experiment-coast", include_str!("../../../../deploy/etc/missions/experiment-coast.toml")),
