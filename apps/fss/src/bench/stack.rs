@@ -1,8 +1,8 @@
 //! What the whole stack costs at its launch rates, and how old a measurement is when the valves hear of it.
 
 use super::distribution::{Distribution, Percentiles};
-use crate::run::measured_flight;
 use crate::run::stack::Stack;
+use crate::run::{Measured, measured_flight};
 use fss_bus::Bus;
 use fss_messages::{NavState, ThrustersState, topic};
 use fss_records::log::Log;
@@ -32,19 +32,15 @@ pub struct StackTimes {
 
 /// Flies for `seconds`, firing, and measures.
 pub fn measure(launch: Option<&Path>, seconds: f64) -> Result<StackTimes> {
-    let folder = std::env::temp_dir().join(format!("fss-bench-{}", std::process::id()));
-    let outcome = measure_in(&folder, launch, seconds);
-    let _best_effort = std::fs::remove_dir_all(&folder);
-    outcome
+    measured_flight(launch, seconds, |_| Ok(()), times)
 }
 
-fn measure_in(folder: &Path, launch: Option<&Path>, seconds: f64) -> Result<StackTimes> {
-    let (stack, flight) = measured_flight(folder, launch, seconds, |_| Ok(()))?;
+fn times(stack: &Stack, flight: &Measured) -> Result<StackTimes> {
     let core_percent: BTreeMap<_, _> =
         flight.cpu_ns.iter().map(|(name, ns)| (name.clone(), *ns as f64 * 1e-7 / flight.seconds)).collect();
     let all: f64 = core_percent.values().sum();
     let base = stack.launch.schedule("base").ok_or_else(|| miette!("the launch file has no [[service]] base"))?;
-    let ages = Ages::of(&Log::open(&flight.log).into_diagnostic()?, &stack, base.period_ns())?;
+    let ages = Ages::of(&Log::open(&flight.log).into_diagnostic()?, stack, base.period_ns())?;
     Ok(StackTimes {
         format: "fss-bench-stack/1",
         seconds: flight.seconds,

@@ -52,26 +52,17 @@ struct Ratios {
 
 /// Flies in turns for `seconds` each.
 pub fn measure(launch: Option<&Path>, seconds: f64) -> Result<ViewTimes> {
-    let folder = std::env::temp_dir().join(format!("fss-bench-{}", std::process::id()));
-    let outcome = measure_in(&folder, launch, seconds);
-    let _best_effort = std::fs::remove_dir_all(&folder);
-    outcome
-}
-
-fn measure_in(folder: &Path, launch: Option<&Path>, seconds: f64) -> Result<ViewTimes> {
     let mut alone = Turns::new()?;
     let mut watched = Turns::new()?;
     let mut pictures_a_second = Vec::new();
-    for turn in 0..TURNS {
-        let (_, flight) = measured_flight(&folder.join(format!("alone-{turn}")), launch, seconds, |_| Ok(()))?;
-        alone.add(&flight)?;
+    for _ in 0..TURNS {
+        measured_flight(launch, seconds, |_| Ok(()), |_, flight| alone.add(flight))?;
         let mut page = None;
-        let folder = folder.join(format!("watched-{turn}"));
-        let (_, flight) = measured_flight(&folder, launch, seconds, |bus| {
+        let open = |bus: &str| {
             page = Some(Page::open(bus)?);
             Ok(())
-        })?;
-        watched.add(&flight)?;
+        };
+        measured_flight(launch, seconds, open, |_, flight| watched.add(flight))?;
         pictures_a_second.push(page.ok_or_else(|| miette!("the flight was never watched"))?.pictures_a_second()?);
     }
     let (alone, watched) = (alone.cost(), watched.cost());

@@ -26,12 +26,25 @@ pub struct Measured {
 /// How long a stack flies before it is measured: by then all is mapped and the mission runs.
 const SETTLED: Duration = Duration::from_secs(4);
 
-/// Flies to and fro for `seconds` and takes the processes' time; the log stays in `folder`. Calls `in_flight` once with the
-/// stack's prefix in shared memory, when the mission runs and nothing is measured yet.
+/// Flies to and fro for `seconds`, takes the processes' time, and gives what `read` makes of it and of the log, which is removed
+/// then. Calls `in_flight` once with the stack's prefix in shared memory, when the mission runs and nothing is measured yet.
 ///
 /// # Errors
-/// Where the stack does not fly, or `in_flight` fails.
-pub fn measured_flight(
+/// Where the stack does not fly, or `in_flight` or `read` fails.
+pub fn measured_flight<T>(
+    launch: Option<&Path>,
+    seconds: f64,
+    in_flight: impl FnOnce(&str) -> Result<()>,
+    read: impl FnOnce(&Stack, &Measured) -> Result<T>,
+) -> Result<T> {
+    let folder = std::env::temp_dir().join(format!("fss-bench-{}", std::process::id()));
+    let flown = fly(&folder, launch, seconds, in_flight);
+    let outcome = flown.and_then(|(stack, flight)| read(&stack, &flight));
+    let _best_effort = std::fs::remove_dir_all(&folder);
+    outcome
+}
+
+fn fly(
     folder: &Path,
     launch: Option<&Path>,
     seconds: f64,

@@ -28,10 +28,9 @@ impl GraniteLine {
         for _ in 0..MAX_STATES_PER_STEP {
             match self.socket.recv_from(&mut buffer) {
                 Ok((len, from)) if from == self.there => last = State::decode(&buffer[..len]).or(last),
-                Ok(_) => {}
                 Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => break,
-                // Nobody listened there when this one spoke.
-                Err(_) => {}
+                // A stranger; or nobody listened there when this one spoke.
+                Ok(_) | Err(_) => {}
             }
         }
         last
