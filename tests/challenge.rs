@@ -66,6 +66,19 @@ fn a_log_of_the_nominal_laboratory_and_what_the_plant_file_says_agree() {
 }
 
 #[test]
+fn where_nothing_is_hidden_nothing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    // These hide nothing, and once showed a soft joint: what few reports make of an arm's accelerations looks like one.
+    for seed in ["23", "42", "113"] {
+        let (out, file) = (folder.path().join(seed), folder.path().join("answer.json"));
+        succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
+        let answer = json(&file);
+        assert_eq!(answer["hidden"]["effects"].as_array().unwrap().len(), 0, "seed {seed}");
+        assert_eq!(answer["said"]["verdict"], "consistent", "seed {seed}: {}", answer["said"]);
+    }
+}
+
+#[test]
 fn a_joint_with_play_is_named_and_measured() {
     let folder = tempfile::tempdir().unwrap();
     let (plant, laboratory) = (folder.path().join("plant.toml"), folder.path().join("laboratory.toml"));

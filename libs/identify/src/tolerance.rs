@@ -58,7 +58,8 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
         "tether_torsion" => vec![turn * inertia_kg_m2],
         "joint_spring" | "joint_stribeck_friction" => vec![3e-3],
         "joint_backlash" => vec![1e-4],
-        "joint_flexibility" => vec![1.5e-5],
+        // Five reports a second flatten an arm's accelerations as a stiffness of some thousand newton metres would.
+        "joint_flexibility" => vec![1e-4],
         _ => return None,
     };
     Some(sd)

@@ -37,10 +37,12 @@ pub(crate) struct Arm {
 /// What a drive carries where it follows its motor.
 #[derive(Clone, Copy, Debug)]
 struct Load {
-    /// Torques that the drives pass on, N m.
+    /// Torques that the drives pass on to move the arm, N m. What thrust adds is not in it: the servos give way to that between
+    /// two reports, and who counted it would find soft drives where the servos are soft.
     torque: JointVector,
-    /// Accelerations that each link would have of a torque of its own alone, all other joints being held, rad/s2/(N m).
-    mobility: JointVector,
+    /// Accelerations relative to its motor that each link would have, all other joints being held, if its drive let go: of
+    /// what moves the arm, and of thrust, rad/s2.
+    free_acceleration: JointVector,
 }
 
 impl Arm {
@@ -81,8 +83,9 @@ impl Arm {
                 let drive = &physics.joints[joint];
                 let motor = |i: usize| reading.value[i] / drive.encoder_scale;
                 let m = motor(0) - drive.encoder_offset_rad / drive.encoder_scale;
-                let (torque, mobility) = self.loads.get(k).map_or((0.0, 0.0), |l| (l.torque[joint], l.mobility[joint]));
-                play.advance(self.grid_s[k] - self.grid_s[k.saturating_sub(1)], -torque * mobility, drive.backlash_rad);
+                let load = self.loads.get(k);
+                let (torque, free) = load.map_or((0.0, 0.0), |l| (l.torque[joint], l.free_acceleration[joint]));
+                play.advance(self.grid_s[k] - self.grid_s[k.saturating_sub(1)], free, drive.backlash_rad);
                 links.push(link_angle(drive, &physics.servos[joint], m, torque) + play.ahead_rad);
                 out.samples[k].q_rad[joint] = links[k];
                 out.samples[k].qd_rad_s[joint] = motor(1);
@@ -156,8 +159,11 @@ fn load(model: &Model, sample: &JointSample, acceleration: &JointVector, push: &
     state.v.fixed_rows_mut::<{ fss_multibody::MAX_LINKS }>(3).copy_from(&sample.qd_rad_s);
     let twist = model.base_twist(&state.q, &sample.qd_rad_s, &Vector3::zeros());
     state.v.fixed_rows_mut::<3>(0).copy_from(&twist);
-    let acc = model.prescribed_dynamics(&state, acceleration, push);
-    let torque = model.inverse_dynamics(&state, &acc).fixed_rows::<{ fss_multibody::MAX_LINKS }>(3).into_owned();
-    let inertia = free_inertia(&model.mass_matrix(&state.q));
-    Load { torque, mobility: inertia.diagonal().map(|own| if own > 0.0 { 1.0 / own } else { 0.0 }) }
+    let torque_with = |push: &Vector3<f64>| -> JointVector {
+        let acc = model.prescribed_dynamics(&state, acceleration, push);
+        model.inverse_dynamics(&state, &acc).fixed_rows::<{ fss_multibody::MAX_LINKS }>(3).into_owned()
+    };
+    let inertia = free_inertia(&model.mass_matrix(&state.q)).diagonal();
+    let mobility = inertia.map(|own| if own > 0.0 { 1.0 / own } else { 0.0 });
+    Load { torque: torque_with(&Vector3::zeros()), free_acceleration: -torque_with(push).component_mul(&mobility) }
 }
