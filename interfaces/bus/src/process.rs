@@ -34,6 +34,8 @@ pub fn run<S: Service>(
     let (period_ns, phase_ns, deadline_ns) = (schedule.period_ns(), schedule.phase_ns(), schedule.deadline_ns());
     // What waited while the process was starting is stale: each input begins with its newest sample.
     runner.inputs.refresh();
+    // Before the service's own first word: its events are counted anew from then on, and none seems to be missing.
+    events.flush(realtime::now()?);
     let mut boundary = next_boundary(realtime::now()?, period_ns, phase_ns);
     let mut next_report_ns = boundary.ns();
     while !stop.load(Ordering::Relaxed) {
@@ -53,7 +55,7 @@ pub fn run<S: Service>(
             runner.inputs.ages_ns(boundary, monitor.input_ages_mut());
             health.publish(monitor.report(done));
             health.flush(done);
-            events.flush(done);
+            events.flush(done); // says nothing more, but lets go of readers that died
             next_report_ns = done.ns() + REPORT_PERIOD_NS;
         }
         let following = boundary.plus_ns(period_ns);

@@ -57,9 +57,8 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
         "tether_linear" => vec![2.0 * shift * mass_kg],
         "tether_torsion" => vec![turn * inertia_kg_m2],
         "joint_spring" | "joint_stribeck_friction" => vec![3e-3],
-        "joint_backlash" => vec![1e-4],
         // Five reports a second flatten an arm's accelerations as a stiffness of some thousand newton metres would.
-        "joint_flexibility" => vec![1e-4],
+        "joint_backlash" | "joint_flexibility" => vec![1e-4],
         _ => return None,
     };
     Some(sd)
