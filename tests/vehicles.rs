@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{fss, json, succeed, text};
+use common::{fss, json, refused, succeed, text};
 use fss_messages::{Event, NavState, PeerState, Sample, TruthState, text_of};
 use fss_records::log::{Log, Samples};
 use std::path::{Path, PathBuf};
@@ -188,6 +188,25 @@ fn one_table(chaser: &Log, target: &Log) {
         together += 1;
     }
     assert!(together > 200, "both truths were told at {together} times");
+}
+
+#[test]
+fn a_table_that_cannot_be_shared_is_refused_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let launch = folder.path().join("launch.toml");
+    let tried = |text: &str, words: &[&str]| {
+        assert_ne!(text, CHASER);
+        std::fs::write(&launch, text).unwrap();
+        refused(&["run", "hold", "--launch", launch.to_str().unwrap()], words);
+    };
+    tried(
+        &CHASER.replace("127.0.0.1:54300", "127.0.0.1:53300"),
+        &["launch.toml", "are the same", "the other launch file"],
+    );
+    tried(&CHASER.replace("127.0.0.1:54300", "192.168.10.21:54300"), &["launch.toml", "one clock", "loopback"]);
+    let lab = CHASER.find("[[service]]\nname = \"lab\"").unwrap();
+    let next = lab + 5 + CHASER[lab + 5..].find("[[service]]").unwrap();
+    tried(&format!("{}{}", &CHASER[..lab], &CHASER[next..]), &["launch.toml", "[granite]", "the real table is one"]);
 }
 
 /// Two network namespaces and a cable between them; gone when dropped.
