@@ -23,8 +23,10 @@ const DOUBTFUL: f64 = 2.0;
 const MOST: f64 = 0.7;
 /// A cause is asserted from even chances on that it, or another in its place, is there.
 const EVEN: f64 = 0.5;
-/// A base of less than this share of its mass is one that was weighed.
-const LIGHT: f64 = 0.7;
+/// A base that is this many times lighter than its plant file says is one that was weighed.
+const LIGHT: f64 = 1.4;
+/// What pushes a base harder than the room's air by more than this many times what its lightness would lend the air is not air.
+const LENT: f64 = 3.0;
 /// A second or later cause is asserted only if it is this probable among its rivals.
 const SURE: f64 = 0.7;
 
@@ -312,10 +314,13 @@ fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<
     // Whatever still pushes the base may have lent its strength to a cause that pushes it too.
     let air_before = contest.air(&selection.before);
     let pushed = air.is_too_strong() && air.excess() > (1.0 - MOST) * air_before.excess();
-    // A base that is taken to be light lets the room's air explain what really pushes it.
+    // A base that is taken to be light lets the room's air explain what really pushes it, but for so much as that lends it.
     let nominal_kg = contest.trial.plant.base.mass_kg;
-    let is_light = |c: &Cause| c.effect.id() == "base_mass" && c.effect.values()[0] < LIGHT * nominal_kg;
-    let pushed = pushed || (air_before.is_too_strong() && all.iter().any(is_light));
+    let lends = |c: &Cause| {
+        let lighter = nominal_kg / c.effect.values()[0];
+        c.effect.id() == "base_mass" && lighter > LIGHT && air_before.strongest().1 < LENT * lighter
+    };
+    let pushed = pushed || (air_before.is_too_strong() && all.iter().any(lends));
     let is_doubtful =
         |c: &Cause| pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster);
     let (asserted, doubtful): (Vec<_>, Vec<_>) = all

@@ -79,9 +79,9 @@ impl Evidence {
     }
 
     /// The same cells under another trial: fitted anew where motion is chaotic, else with the unknowns of before, or near them.
-    pub(crate) fn under(&self, trial: &Trial) -> Result<Vec<Cell>, ModelError> {
+    pub(crate) fn under(&self, trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
         if self.records.iter().any(|r| r.is_chaotic()) {
-            return cells(&self.records, trial, &self.cells, ROUNDS_AGAIN);
+            return cells(&self.records, trial, before, ROUNDS_AGAIN);
         }
         let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
             let flight = self.records[r].flight(trial)?;
@@ -91,7 +91,7 @@ impl Evidence {
                     |unknowns: &Vec<f64>| flight.residuals(cell.window, std::slice::from_ref(unknowns)).remove(0);
                 cell.moved(&spans[cell.window], &rows)
             };
-            Ok(self.cells.iter().filter(|c| c.record == r).map(of).collect())
+            Ok(before.iter().filter(|c| c.record == r).map(of).collect())
         };
         let parts: Result<Vec<_>, _> = (0..self.records.len()).into_par_iter().map(of_record).collect();
         Ok(parts?.into_iter().flatten().collect())

@@ -35,12 +35,30 @@ impl Evidence {
                     Some(effect) => Some(self.residuals_where(&with(trial, Some(effect)), cells, felt)?),
                     None => None,
                 };
-                if hypothesis.is_discrete || hypothesis.has_shape || hypothesis.is_compliance() {
+                if hypothesis.is_discrete {
+                    return self.exchange(trial, cells, to);
+                }
+                if hypothesis.has_shape || hypothesis.is_compliance() {
                     return self.difference(trial, cells, start.as_ref(), to, *step, felt);
                 }
                 self.tuned(trial, cells, &hypothesis.nominal, to, *step)
             })
             .collect()
+    }
+
+    /// The column of what is there or not: so far away that the windows' own unknowns must follow.
+    fn exchange(&self, trial: &Trial, cells: &[Cell], to: &Effect) -> Result<Column, ModelError> {
+        let felt: Vec<Cell> = cells.iter().filter(|c| self.records[c.record].feels(to)).cloned().collect();
+        let mut fresh = self.under(&trial.with(to), &felt)?.into_iter();
+        let after = |c: &Cell| {
+            let feels = self.records[c.record].feels(to);
+            if feels {
+                fresh.next().map_or_else(|| DVector::zeros(c.residual.len()), |f| &c.residual - &f.residual)
+            } else {
+                DVector::zeros(c.residual.len())
+            }
+        };
+        Ok(cells.iter().map(after).collect())
     }
 
     /// A column whose step is made as long as the data can bear.

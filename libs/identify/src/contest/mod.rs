@@ -7,6 +7,7 @@ mod screen;
 mod select;
 mod settle;
 mod sides;
+mod take;
 mod weigh;
 
 pub(crate) use refine::Refined;

@@ -97,7 +97,7 @@ impl Contest {
     }
 
     fn point(&self, effects: &[Effect]) -> Result<Point, ModelError> {
-        let cells = self.evidence.under(&self.trial_with(effects))?;
+        let cells = self.evidence.under(&self.trial_with(effects), &self.evidence.cells)?;
         let residuals = cells.iter().map(|c| c.residual.clone()).collect();
         Ok(Point { effects: effects.to_vec(), cells, residuals })
     }

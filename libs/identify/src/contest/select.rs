@@ -2,11 +2,9 @@
 
 use super::screen::Screened;
 use super::{Contest, Refined};
-use crate::evidence::Cell;
 use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Place};
-use nalgebra::DVector;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -36,11 +34,6 @@ const LEAST_SHARE_OF_ONSET: f64 = 0.4;
 const NEARLY_ALL: f64 = 1.25;
 /// What a left-out run must keep of the gain.
 const LEAST_KEPT: f64 = 0.3;
-/// Mean square by which whitened rows of a window may move before everything is linearized anew, and how often that is done.
-const FAR: f64 = 1.0;
-const MOST_CENTRES: usize = 3;
-/// So many of the best in the screen are asked anew then; what the others would do is taken to be as before.
-const ASKED_ANEW: usize = 50;
 /// How many of its standard deviations one of several causes must be away from nothing. In blind games companions that were
 /// not there stood up to five away.
 const LEAST_CLEARNESS: f64 = 6.0;
@@ -94,21 +87,11 @@ impl Contest {
             if screened.is_empty() {
                 screened = screen;
             }
-            let Some(best) = contest.iter().find(|next| self.insists(&after, next)) else { break };
-            after = best.clone();
-            rivals.push(contest);
-            for _ in 0..MOST_CENTRES {
-                if !self.is_far(&centre, &after) {
-                    break;
-                }
-                say("fitting the windows anew");
-                let near = self.screen(&after.residuals, &after.hypotheses).into_iter().take(ASKED_ANEW);
-                let mut asked: Vec<usize> = near.map(|s| s.hypothesis).chain(after.hypotheses.clone()).collect();
-                asked.sort_unstable();
-                asked.dedup();
-                self.centre(&after.effects, &asked)?;
-                after = self.refine(&after.hypotheses, &after.effects)?;
-                centre = after.clone();
+            let Some((next, is_linear)) = self.first_that_holds(&after, &contest, &mut centre, say)? else { break };
+            after = next;
+            if is_linear {
+                rivals.push(contest);
+            } else {
                 rivals.clear();
             }
         }
@@ -132,14 +115,6 @@ impl Contest {
         Ok(Selection { before, after, taken, screened })
     }
 
-    /// Whether the rows have moved so far that what was linear around `centre` is so no more.
-    fn is_far(&self, centre: &Refined, now: &Refined) -> bool {
-        let mut cells = centre.residuals.iter().zip(&now.residuals).zip(&self.evidence.cells);
-        let moved =
-            |((a, b), cell): ((&DVector<f64>, &DVector<f64>), &Cell)| (a - b).norm_squared() > FAR * cell.freedom;
-        !self.is_chaotic() && cells.any(moved)
-    }
-
     /// The best of the screen, each refitted beside the causes taken already; best first.
     fn contest(&self, taken: &Refined, screen: &[Screened]) -> Result<Vec<Refined>, ModelError> {
         let noise = unit(taken);
@@ -156,9 +131,10 @@ impl Contest {
         // A kind that is tried at several shapes does not crowd out the others.
         let mut seen = Vec::new();
         let is_new = |s: &&Screened| {
-            let kind = (s.effect.id(), s.effect.index());
+            let kind = (s.effect.id(), s.effect.index(), s.effect.channel().map(str::to_owned));
+            let count = seen.iter().filter(|other| **other == kind).count();
             seen.push(kind);
-            seen.iter().filter(|other| **other == kind).count() <= MOST_OF_A_KIND
+            count < MOST_OF_A_KIND
         };
         let mut chosen: Vec<&Screened> = screen.iter().filter(worth).filter(is_new).take(contestants).collect();
         if let Some(best) = chosen.first().copied() {
@@ -177,6 +153,12 @@ impl Contest {
             let Ok(mut refined) = self.refine(&hypotheses, &effects) else { return Ok(None) };
             if s.effect.onset_s().is_some() {
                 refined = self.refine_onset(&refined, effects.len() - 1)?;
+                // Far from where it was asked, a linear answer is often best from some time on; the real one need not be.
+                let last = effects.len() - 1;
+                let mut effects = refined.effects.clone();
+                effects[last] = self.hypotheses[s.hypothesis].with(effects[last].values());
+                let always = self.refine(&hypotheses, &effects).ok();
+                refined = always.filter(|a| Self::cost(a) < Self::cost(&refined)).unwrap_or(refined);
             }
             Ok(Some(refined))
         };
@@ -193,7 +175,7 @@ impl Contest {
     }
 
     /// Whether the data insist on the last cause of `next`.
-    fn insists(&self, now: &Refined, next: &Refined) -> bool {
+    pub(super) fn insists(&self, now: &Refined, next: &Refined) -> bool {
         let gain = now.chi2 - next.chi2;
         // Where nearly all is explained, a small share of the rest is worth telling too.
         let excess = now.chi2 - NEARLY_ALL * now.freedom;
