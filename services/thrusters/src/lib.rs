@@ -19,7 +19,7 @@ use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic
 
 /// Age of the last command at which all valves shut, ns. Should this process freeze just before, the valve box shuts
 /// them 35 ms after the last word from it: either way within 100 ms of the command.
-pub const DEAD_MAN_NS: u64 = 60_000_000;
+pub const DEAD_MAN_NS: u64 = 45_000_000;
 /// Queue to the valve driver: masks, bit 0 is thruster 1.
 pub const VALVES_QUEUE: &str = "thrusters.valves";
 /// Queue from the valve driver: whether it could set the last mask.

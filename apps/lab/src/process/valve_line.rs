@@ -1,7 +1,7 @@
 //! The valve line: a Unix socket in place of a GPIO request and the valve box behind it.
 //!
 //! The box has a watchdog of its own, as the real one must have: where the driver is alive but says nothing (its process
-//! is frozen), no pull-down helps. Together with the `thrusters` service's dead-man of 60 ms its [`WATCHDOG_NS`] shuts
+//! is frozen), no pull-down helps. Together with the `thrusters` service's dead-man of 45 ms its [`WATCHDOG_NS`] shuts
 //! every valve within 100 ms of the last command.
 
 use crate::LabError;
