@@ -22,6 +22,7 @@ impl View {
         let mut process = Command::new(env!("CARGO_BIN_EXE_fss"))
             .args([&["view", "--port", "0"], arguments].concat())
             .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         let mut line = String::new();
@@ -45,6 +46,14 @@ impl View {
         // Who is refused before all was read may be cut off.
         let _ = connection.read_to_end(&mut answer);
         text(&answer)
+    }
+
+    /// Stops it; what it complained of.
+    fn stop(mut self) -> String {
+        self.process.kill().unwrap();
+        let mut said = String::new();
+        self.process.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        said
     }
 
     /// The body at a path.
@@ -115,6 +124,15 @@ fn a_log_is_served_to_this_computer_alone() {
     refused(format!("GET / HTTP/1.1\r\nHost: evil.example:{}\r\n\r\n", view.port), "403");
     refused("GET / HTTP/1.1\r\n\r\n".to_owned(), "403");
     refused(format!("GET / HTTP/1.1\r\n{host}Host: evil.example\r\n\r\n"), "403");
+    for origin in ["https://evil.example", "null", "http://localhost.evil.example", "http://localhost:1", "file://"] {
+        refused(format!("GET /scene.json HTTP/1.1\r\n{host}Origin: {origin}\r\n\r\n"), "403");
+    }
+    let own = format!("Origin: http://127.0.0.1:{}\r\n", view.port);
+    refused(format!("GET /scene.json HTTP/1.1\r\n{host}{own}Origin: https://evil.example\r\n\r\n"), "403");
+    assert!(
+        view.answer(&format!("GET /scene.json HTTP/1.1\r\n{host}{own}\r\n")).starts_with("HTTP/1.1 200"),
+        "its own page"
+    );
     refused(format!("POST / HTTP/1.1\r\n{host}\r\n"), "405");
     refused(format!("GET /../../etc/passwd HTTP/1.1\r\n{host}\r\n"), "404");
     refused(format!("GET / HTTP/1.1\r\n{host}X: {}\r\n\r\n", "a".repeat(9000)), "431");
@@ -130,6 +148,7 @@ fn a_log_is_served_to_this_computer_alone() {
     assert_eq!(listening("/proc/net/tcp").len(), 1);
     assert!(listening("/proc/net/tcp")[0].contains("0100007F"), "127.0.0.1");
     assert!(listening("/proc/net/tcp6").is_empty());
+    assert!(view.stop().contains("refused a page of https://evil.example"));
 }
 
 #[test]

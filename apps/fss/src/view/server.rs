@@ -1,7 +1,8 @@
 //! The few words of HTTP that a page on the loopback needs: GET of what is in memory, and a stream of events.
 //!
 //! Only this computer can reach it. A page from elsewhere that a browser on this computer shows can still send requests here:
-//! so requests must name this server as their host, which a rebound name does not, and no answer may be read by other pages.
+//! so requests must name this server as their host, which a rebound name does not, pages of other origins are refused, and no
+//! answer may be read by other pages.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, Read, Write};
@@ -19,6 +20,8 @@ const MOST_CONNECTIONS: usize = 24;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// A stream with nothing to say shows so often that it lives.
 const KEEP_ALIVE: Duration = Duration::from_secs(2);
+/// So many refused pages are told of: one that does not give up must not fill a log.
+const MOST_WORDS: usize = 20;
 /// So many messages are kept for those who come later: ten minutes at 30 Hz.
 const HISTORY: usize = 18_000;
 
@@ -83,6 +86,7 @@ struct Site {
     files: BTreeMap<String, Content>,
     stream: Option<Arc<Stream>>,
     connections: AtomicUsize,
+    refused: AtomicUsize,
 }
 
 impl Server {
@@ -97,7 +101,8 @@ impl Server {
     ) -> io::Result<Self> {
         let port = listener.local_addr()?.port();
         let hosts = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
-        Ok(Self { listener, port, site: Arc::new(Site { hosts, files, stream, connections: AtomicUsize::new(0) }) })
+        let (connections, refused) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        Ok(Self { listener, port, site: Arc::new(Site { hosts, files, stream, connections, refused }) })
     }
 
     /// Where it listens.
@@ -169,11 +174,23 @@ impl Site {
             (Some(host), None) if is_ours(host.value) => {}
             _ => return Err(("403 Forbidden", "this server is 127.0.0.1, by no other name\n")),
         }
+        // Programs say no origin, nor do browsers of the page's own parts.
+        let mut origins = request.headers.iter().filter(|header| header.name.eq_ignore_ascii_case("origin"));
+        if let Some(foreign) = origins.find(|origin| !origin.value.strip_prefix(b"http://").is_some_and(is_ours)) {
+            self.tell_of(foreign.value);
+            return Err(("403 Forbidden", "pages of other origins may not look here\n"));
+        }
         if request.method != Some("GET") {
             return Err(("405 Method Not Allowed", "nothing can be changed here\n"));
         }
         let path = request.path.unwrap_or("/");
         Ok(path.split('?').next().unwrap_or("/").to_owned())
+    }
+
+    fn tell_of(&self, origin: &[u8]) {
+        if self.refused.fetch_add(1, Ordering::Relaxed) < MOST_WORDS {
+            eprintln!("refused a page of {}", origin[..origin.len().min(80)].escape_ascii());
+        }
     }
 }
 
