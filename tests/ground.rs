@@ -8,6 +8,7 @@ use fss_messages::{Event, Health, NavState, PARAMETERS, Parameters, text_of, top
 use fss_records::log::Log;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -276,9 +277,24 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
     for (subscription, name) in (1..).zip(topic::NAMES) {
         slow.subscribe(subscription, name);
     }
+    let slow_at = slow.socket.get_ref().local_addr().unwrap();
     viewer.until("20 s of navigation", |viewer| viewer.of(1).count() > 4000);
     viewer.until("frames", |viewer| [2, 3, 4].iter().all(|id| viewer.of(*id).next().is_some()));
-    assert_eq!(flight.listening().len(), 1, "the view's own address, and no other");
+    let [hidden, open] = &flight.listening()[..] else { panic!("not two addresses: {:?}", flight.listening()) };
+    let own = format!(":{:04X}", address.port());
+    let (hidden, open) = if hidden.ends_with(&own) { (open, hidden) } else { (hidden, open) };
+    assert!(open == &format!("0100007F{own}"), "the view's own address: {open}");
+    assert!(
+        hidden[6..].starts_with("7F:") && !hidden.starts_with("0100"),
+        "one of the loopback that none guesses: {hidden}"
+    );
+    // A page from elsewhere, in a browser of this computer.
+    let page = "GET / HTTP/1.1\r\nUpgrade: websocket\r\nOrigin: https://evil.example\r\n\r\n";
+    let mut browser = TcpStream::connect(address).unwrap();
+    browser.write_all(page.as_bytes()).unwrap();
+    let mut answer = [0; 12];
+    browser.read_exact(&mut answer).unwrap();
+    assert_eq!(&answer, b"HTTP/1.1 403");
 
     // It only watches: nothing can be set, and no command is offered.
     viewer.say(&set(&[("base_bandwidth_rad_s", 0.6)]));
@@ -319,7 +335,8 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
     let events = log.samples::<Event>("/events").unwrap();
     let said = |words: &str| events.iter().any(|event| text_of(&event.text).contains(words));
     assert!(!said("samples lost"), "the recorder lost nothing");
-    assert!(said("reads too slowly"), "the slow viewer is told of");
+    assert!(said(&format!("the viewer at {slow_at} reads too slowly")), "the slow viewer is told of");
+    assert!(said("a page of https://evil.example is refused"), "and the foreign page");
 }
 
 #[test]
@@ -387,6 +404,8 @@ fn nothing_listens_unless_the_launch_file_says_where_and_nobody_commands_from_el
         ["run", "hold", "--quiet", "--launch", launch.to_str().unwrap(), "--out", folder.path().to_str().unwrap()];
     std::fs::write(&launch, format!("{lab}\n[ground]\nlisten = \"0.0.0.0:0\"\ncommands = true\n")).unwrap();
     refused(&run, &["commands are taken from this computer alone", "[ground] listen"]);
+    std::fs::write(&launch, format!("{lab}\n[ground]\nlisten = \"127.0.0.1:0\"\norigins = [\"*\"]\n")).unwrap();
+    refused(&run, &["'*' is no origin", "https://app.foxglove.dev"]);
     let without = lab.split("[[service]]\nname = \"ground\"").next().unwrap();
     std::fs::write(&launch, format!("{without}\n[ground]\nlisten = \"127.0.0.1:0\"\n")).unwrap();
     refused(&run, &["[ground] says where to listen, but there is no such service", "name = \"ground\""]);

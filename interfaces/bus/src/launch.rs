@@ -96,7 +96,7 @@ impl Default for Limits {
 }
 
 /// Where `ground` serves the live view.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ground {
     /// TCP address at which it listens.
@@ -104,6 +104,10 @@ pub struct Ground {
     /// Whether viewers may tune parameters and abort the mission; only where `listen` is on the loopback.
     #[serde(default)]
     pub commands: bool,
+    /// Origins whose pages a browser may show it to, such as `https://app.foxglove.dev`, beside pages of the viewer's own
+    /// computer.
+    #[serde(default)]
+    pub origins: Vec<String>,
 }
 
 /// Where the simulated laboratories of two vehicles on one table hear each other.
@@ -226,8 +230,23 @@ impl Launch {
                 return refuse(format!("the priority of '{name}' is out of range"), help, service.name.span());
             }
         }
+        self.check_origins()?;
         self.check_granite()?;
         self.check_neighbours()
+    }
+
+    /// Whether browsers could say these origins.
+    fn check_origins(&self) -> Result<(), LaunchError> {
+        let is_origin = |origin: &&String| origin.split_once("://").is_some_and(|(_, host)| !host.contains(['/', '*']));
+        match self.ground.iter().flat_map(|ground| &ground.origins).find(|origin| !is_origin(origin)) {
+            Some(origin) => Err(LaunchError {
+                message: format!("[ground] origins: '{origin}' is no origin"),
+                help: "an origin is a scheme, a host and a port where it has one, such as https://app.foxglove.dev"
+                    .to_owned(),
+                span: None,
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Whether the two laboratories of a table can hear each other.

@@ -8,12 +8,15 @@
 //! Where it is told to take commands ([`GroundConfig::commands`], on the loopback only), viewers tune parameters within their
 //! bounds ([`fss_messages::parameter`]) and abort the mission; each such word is an event, a sample and so in the log.
 //!
+//! What a browser shows may come from anywhere: pages of other origins than the launch file names are refused (`gate`).
+//!
 //! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
 //! slow client does not fetch is dropped from that client's own bounded queue, which is said ([`overflow_layer`]).
 
 mod cdr;
 mod downlink;
 mod frames;
+mod gate;
 mod overflow;
 mod ros;
 mod scene;
@@ -99,12 +102,8 @@ impl Service for Ground {
         if let Some(words) = self.address.take() {
             events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
         }
-        while let Some(viewer) = overflow::next_slow_viewer() {
-            let words = format_args!("the viewer at {viewer} reads too slowly: its oldest messages are dropped");
-            events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, words));
-        }
-        while let Some(words) = self.server.next_words() {
-            events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
+        while let Some((severity, words)) = self.server.next_words() {
+            events.publish(Event::new(now.ns(), Self::NAME, severity, format_args!("{words}")));
         }
     }
 }

@@ -1,10 +1,14 @@
-//! The listening end.
+//! The server of the library, behind the gate.
 
+use crate::gate::{Gate, hidden_address};
+use crate::overflow;
 use crate::uplink::Uplink;
 use crossbeam::queue::ArrayQueue;
 use foxglove::websocket::{Parameter, ServerListener};
 use foxglove::{Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
 use fss_bus::{Bus, Queue};
+use fss_messages::Event;
+use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
@@ -22,6 +26,8 @@ pub struct GroundConfig {
     pub name: String,
     /// Whether viewers may tune and command; only where `listen` is on the loopback, for the protocol knows no key.
     pub commands: bool,
+    /// Origins of the pages that a browser may show it to, beside pages of the viewer's own computer.
+    pub origins: Vec<String>,
 }
 
 /// Why there is no view.
@@ -33,8 +39,11 @@ pub enum GroundError {
         /// The address.
         address: SocketAddr,
         /// What the system says.
-        source: FoxgloveError,
+        source: io::Error,
     },
+    /// The library's server does not start.
+    #[error("the server does not start: {0}")]
+    Server(FoxgloveError),
     /// Whoever reaches the address could command.
     #[error("commands are taken from this computer alone, and {0} is reached from others")]
     Exposed(SocketAddr),
@@ -59,6 +68,7 @@ impl ServerListener for Doorkeeper {
 /// The server.
 pub(crate) struct Server {
     handle: WebSocketServerHandle,
+    gate: Gate,
     words: Queue<&'static str>,
     /// Joins channels and viewers for as long as it lives.
     _context: Arc<Context>,
@@ -75,26 +85,37 @@ impl Server {
             return Err(GroundError::Exposed(config.listen));
         }
         let words = Arc::new(ArrayQueue::new(WORDS));
+        let hidden = hidden_address();
         let handle = WebSocketServer::new()
             .context(context)
             .name(&config.name)
-            .bind(config.listen.ip().to_string(), config.listen.port())
+            .bind(hidden.to_string(), 0)
             .message_backlog_size(BACKLOG)
             .parameter_handler(uplink.parameter_handler())
             .services(uplink.services(bus))
             .listener(Arc::new(Doorkeeper(words.clone())))
             .start_blocking()
+            .map_err(GroundError::Server)?;
+        let gate = Gate::open(config.listen, (hidden, handle.port()).into(), config.origins.clone())
             .map_err(|source| GroundError::Listen { address: config.listen, source })?;
-        Ok(Self { handle, words, _context: context.clone() })
+        Ok(Self { handle, gate, words, _context: context.clone() })
     }
 
     pub(crate) fn port(&self) -> u16 {
-        self.handle.port()
+        self.gate.port()
     }
 
-    /// What is to be said of clients, one after another.
-    pub(crate) fn next_words(&self) -> Option<&'static str> {
-        self.words.pop()
+    /// What is to be said of clients, one after another, and how grave it is.
+    pub(crate) fn next_words(&self) -> Option<(u8, String)> {
+        let come_or_gone = || self.words.pop().map(|words| (Event::INFO, words.to_owned()));
+        let refused = || self.gate.next_words().map(|words| (Event::WARNING, words));
+        refused().or_else(come_or_gone).or_else(|| self.next_slow_viewer())
+    }
+
+    fn next_slow_viewer(&self) -> Option<(u8, String)> {
+        let known_as = overflow::next_slow_viewer()?;
+        let viewer = self.gate.viewer_at(&known_as).map_or(known_as, |viewer| viewer.to_string());
+        Some((Event::WARNING, format!("the viewer at {viewer} reads too slowly: its oldest messages are dropped")))
     }
 
     /// Tells those who asked for it of parameters that have changed.
@@ -106,5 +127,6 @@ impl Server {
 
     pub(crate) fn stop(self) {
         self.handle.stop().wait_blocking();
+        self.gate.close();
     }
 }

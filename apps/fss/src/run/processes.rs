@@ -140,13 +140,14 @@ fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
 const NICE_TO_THE_FLIGHT: i32 = 10;
 
 fn ground(site: &Site) -> Result<()> {
-    let where_to = site.launch.ground.ok_or_else(|| {
+    let where_to = site.launch.ground.as_ref().ok_or_else(|| {
         miette!(help = "[ground]\nlisten = \"127.0.0.1:8765\"", "the launch file does not say where to listen")
     })?;
     // Refused or not, it is no real-time process.
     let _ = rustix::process::setpriority_process(None, NICE_TO_THE_FLIGHT);
     let name = ["fss", &site.launch.vehicle, &site.stack.mission.name].join(" ").replace("  ", " ");
-    let config = GroundConfig { listen: where_to.listen, name, commands: where_to.commands };
+    let origins = where_to.origins.clone();
+    let config = GroundConfig { listen: where_to.listen, name, commands: where_to.commands, origins };
     let ground =
         Ground::listen(&config, &site.stack.plant, &site.bus).into_diagnostic().wrap_err("ground ([ground] listen)")?;
     site.fly(ground, || ())?.close();

@@ -1,0 +1,103 @@
+//! Whose page it is that asks.
+
+use std::net::IpAddr;
+
+const MOST_HEADERS: usize = 64;
+/// So much of a foreign page's name is repeated, characters.
+const LONGEST_NAME: usize = 80;
+
+/// What becomes of a request.
+#[derive(Debug, PartialEq)]
+pub(crate) enum Verdict {
+    /// A program, or a page that may come in.
+    Welcome,
+    /// A page of this origin, which may not.
+    Foreign(String),
+    /// More than a request may have.
+    TooLong,
+    /// Not HTTP.
+    Nonsense,
+}
+
+impl Verdict {
+    /// Status and reason, where it is refused.
+    pub(crate) fn refusal(&self) -> Option<(&'static str, String)> {
+        match self {
+            Self::Welcome => None,
+            Self::Foreign(origin) => Some((
+                "403 Forbidden",
+                format!("pages of {origin} may not look here; the launch file can name them under [ground] origins\n"),
+            )),
+            Self::TooLong => Some(("431 Request Header Fields Too Large", "the request is too long\n".to_owned())),
+            Self::Nonsense => Some(("400 Bad Request", "this is no request\n".to_owned())),
+        }
+    }
+}
+
+/// What becomes of the request; nothing while there is more to come. `named` are the pages that may come in beside those
+/// of this computer.
+pub(crate) fn judge(request: &[u8], named: &[String]) -> Option<Verdict> {
+    let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+    let mut parsed = httparse::Request::new(&mut headers);
+    match parsed.parse(request) {
+        Ok(httparse::Status::Partial) => None,
+        Ok(httparse::Status::Complete(_)) => {
+            let mut origins = parsed.headers.iter().filter(|header| header.name.eq_ignore_ascii_case("origin"));
+            let foreign = origins.find(|origin| !may_look(origin.value, named));
+            Some(foreign.map_or(Verdict::Welcome, |origin| Verdict::Foreign(printable(origin.value))))
+        }
+        Err(httparse::Error::TooManyHeaders) => Some(Verdict::TooLong),
+        Err(_) => Some(Verdict::Nonsense),
+    }
+}
+
+fn may_look(origin: &[u8], named: &[String]) -> bool {
+    let Ok(origin) = std::str::from_utf8(origin) else { return false };
+    is_of_this_computer(origin) || named.iter().any(|named| named.eq_ignore_ascii_case(origin))
+}
+
+/// A page that a server on the viewer's own computer served, or one that lies there: the desktop programs' are such files.
+fn is_of_this_computer(origin: &str) -> bool {
+    if origin == "file://" {
+        return true;
+    }
+    let Some(authority) = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://")) else {
+        return false;
+    };
+    let host = match authority.rsplit_once(':') {
+        Some((host, port)) if !port.is_empty() && port.bytes().all(|digit| digit.is_ascii_digit()) => host,
+        _ => authority,
+    };
+    let address = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+    host == "localhost" || address.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+}
+
+fn printable(origin: &[u8]) -> String {
+    origin.escape_ascii().to_string().chars().take(LONGEST_NAME).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_of_this_computer;
+
+    #[test]
+    fn only_the_loopback_and_files_are_of_this_computer() {
+        for origin in ["http://localhost:8080", "https://localhost", "http://127.0.0.1:1", "http://[::1]:80", "file://"]
+        {
+            assert!(is_of_this_computer(origin), "{origin}");
+        }
+        for origin in [
+            "null",
+            "",
+            "http://localhost.evil.example",
+            "http://localhost@evil.example",
+            "http://evil.example:127",
+            "http://127.0.0.1.evil.example",
+            "http://localhost:80:evil",
+            "http://192.168.1.4:8080",
+            "ftp://localhost",
+        ] {
+            assert!(!is_of_this_computer(origin), "{origin}");
+        }
+    }
+}
