@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{json, succeed, text};
+use common::{json, refused, succeed, text};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -199,6 +199,13 @@ fn a_running_stack_is_shown_as_it_flies() {
     let summary = json(&out.join("summary.json"));
     let services = summary["services"].as_object().unwrap();
     assert!(services.values().all(|f| f["starts"] == 1 && f["dropped"] == 0), "{summary}");
+}
+
+#[test]
+fn a_benchmark_with_a_browser_that_is_not_there_is_refused_before_anybody_flies() {
+    let begun = Instant::now();
+    refused(&["bench", "view", "--browser", "/no/such/browser"], &["/no/such/browser --version"]);
+    assert!(begun.elapsed() < Duration::from_secs(4), "a flight takes longer");
 }
 
 /// The browser, where this computer has one.

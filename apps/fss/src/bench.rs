@@ -1,5 +1,6 @@
 //! `fss bench`: how fast this build is on this machine.
 
+mod browser;
 mod distribution;
 mod ipc;
 mod jitter;
@@ -32,7 +33,7 @@ pub enum BenchCommand {
     /// What the whole stack costs at its launch rates, and how old a measurement is when its valve command leaves.
     Stack(StackArgs),
     /// What a live page at 30 pictures a second costs those who fly: the stack with and without `fss view`, in turns.
-    View(StackArgs),
+    View(ViewArgs),
 }
 
 /// How to tell.
@@ -75,6 +76,17 @@ pub struct StackArgs {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// How to fly, and who looks.
+#[derive(Args)]
+pub struct ViewArgs {
+    #[command(flatten)]
+    flight: StackArgs,
+    /// A browser of the Chromium family that shows the page, without a window, in place of a reader that draws nothing: with it
+    /// the flight shares the processor as on a computer where somebody watches.
+    #[arg(long, value_name = "PROGRAM")]
+    browser: Option<PathBuf>,
 }
 
 /// Where to record.
@@ -130,8 +142,9 @@ pub fn run(command: &BenchCommand) -> Result<()> {
             tell(args.json, &times, || times.print())
         }
         BenchCommand::View(args) => {
-            let times = view::measure(args.launch.as_deref(), args.seconds)?;
-            tell(args.json, &times, || times.print())
+            let StackArgs { launch, seconds, json } = &args.flight;
+            let times = view::measure(launch.as_deref(), *seconds, args.browser.as_deref())?;
+            tell(*json, &times, || times.print())
         }
     }
 }

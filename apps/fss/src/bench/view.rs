@@ -1,5 +1,6 @@
 //! What a live page costs those who fly: the stack with and without one, in turns.
 
+use super::browser::{self, Browser};
 use super::distribution::Distribution;
 use crate::run::{Measured, measured_flight};
 use fss_bus::{Bus, remove_dead_nodes};
@@ -24,8 +25,12 @@ pub struct ViewTimes {
     format: &'static str,
     seconds_each: f64,
     turns: usize,
-    /// Pictures that a reader of the live stream received in a second.
-    pictures_a_second: f64,
+    /// Pictures that a reader of the live stream received in a second; absent where a browser showed them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pictures_a_second: Option<f64>,
+    /// What the browser itself needed from its start on, percent of one core.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    browser_core_percent: Option<f64>,
     alone: Cost,
     watched: Cost,
     ratio: Ratios,
@@ -50,27 +55,30 @@ struct Ratios {
     wake_p99: f64,
 }
 
-/// Flies in turns for `seconds` each.
-pub fn measure(launch: Option<&Path>, seconds: f64) -> Result<ViewTimes> {
+/// Flies in turns for `seconds` each; watched by the browser, or by a reader that draws nothing.
+pub fn measure(launch: Option<&Path>, seconds: f64, browser: Option<&Path>) -> Result<ViewTimes> {
+    // Said now, and not after a flight.
+    browser.map_or(Ok(()), browser::check)?;
     let mut alone = Turns::new()?;
     let mut watched = Turns::new()?;
-    let mut pictures_a_second = Vec::new();
+    let mut seen = Vec::new();
     for _ in 0..TURNS {
         measured_flight(launch, seconds, |_| Ok(()), |_, flight| alone.add(flight))?;
         let mut page = None;
         let open = |bus: &str| {
-            page = Some(Page::open(bus)?);
+            page = Some(Page::open(bus, browser)?);
             Ok(())
         };
         measured_flight(launch, seconds, open, |_, flight| watched.add(flight))?;
-        pictures_a_second.push(page.ok_or_else(|| miette!("the flight was never watched"))?.pictures_a_second()?);
+        seen.push(page.ok_or_else(|| miette!("the flight was never watched"))?.close()?);
     }
     let (alone, watched) = (alone.cost(), watched.cost());
     Ok(ViewTimes {
         format: "fss-bench-view/1",
         seconds_each: seconds,
         turns: TURNS,
-        pictures_a_second: median(pictures_a_second),
+        pictures_a_second: browser.is_none().then(|| median(seen.clone())),
+        browser_core_percent: browser.map(|_| median(seen)),
         alone,
         watched,
         ratio: Ratios {
@@ -81,16 +89,22 @@ pub fn measure(launch: Option<&Path>, seconds: f64) -> Result<ViewTimes> {
     })
 }
 
-/// `fss view` beside a stack, and somebody who takes all that it tells.
+/// `fss view` beside a stack, and who watches.
 struct Page {
     process: Child,
     bus_prefix: String,
-    /// How many pictures came in how long, once the stream has ended.
-    reader: std::thread::JoinHandle<Result<(u64, f64)>>,
+    watcher: Watcher,
+}
+
+/// Somebody who takes all that a page tells.
+enum Watcher {
+    /// Draws nothing; how many pictures came in how long, once the stream has ended.
+    Reader(std::thread::JoinHandle<Result<(u64, f64)>>),
+    Browser(Browser),
 }
 
 impl Page {
-    fn open(bus_prefix: &str) -> Result<Self> {
+    fn open(bus_prefix: &str, browser: Option<&Path>) -> Result<Self> {
         let program = std::env::current_exe().into_diagnostic()?;
         let mut process = Command::new(program)
             .args(["view", "--port", "0", "--bus", bus_prefix])
@@ -103,16 +117,25 @@ impl Page {
         BufReader::new(stdout).read_line(&mut said).into_diagnostic()?;
         let host = said.strip_prefix("http://").and_then(|rest| rest.split('/').next()).map(str::to_owned);
         let host = host.ok_or_else(|| miette!("fss view does not say where it is: {said}"))?;
-        let reader = std::thread::spawn(move || count_pictures(&host));
-        Ok(Self { process, bus_prefix: bus_prefix.to_owned(), reader })
+        let watcher = match browser {
+            Some(program) => Watcher::Browser(Browser::open(program, &format!("http://{host}/"))?),
+            None => Watcher::Reader(std::thread::spawn(move || count_pictures(&host))),
+        };
+        Ok(Self { process, bus_prefix: bus_prefix.to_owned(), watcher })
     }
 
-    fn pictures_a_second(mut self) -> Result<f64> {
+    /// Ends it; the pictures a second that a reader took, or what the browser needed, percent of one core.
+    fn close(mut self) -> Result<f64> {
         let _it_may_have_ended_with_the_stack = self.process.kill();
         self.process.wait().into_diagnostic()?;
         remove_dead_nodes(&self.bus_prefix, true).into_diagnostic()?;
-        let (pictures, seconds) = self.reader.join().map_err(|_| miette!("the page's reader failed"))??;
-        Ok(pictures as f64 / seconds)
+        match self.watcher {
+            Watcher::Reader(reader) => {
+                let (pictures, seconds) = reader.join().map_err(|_| miette!("the page's reader failed"))??;
+                Ok(pictures as f64 / seconds)
+            }
+            Watcher::Browser(mut browser) => browser.core_percent(),
+        }
     }
 }
 
@@ -179,9 +202,12 @@ impl ViewTimes {
         }
         let Ratios { core, wake_p50, wake_p99 } = self.ratio;
         println!("{:<16} {core:>10.2} {wake_p50:>12.2} {wake_p99:>12.2}", "ratio");
-        println!(
-            "{:.1} pictures a second; {} turns of {} s each",
-            self.pictures_a_second, self.turns, self.seconds_each
-        );
+        if let Some(rate) = self.pictures_a_second {
+            print!("{rate:.1} pictures a second");
+        }
+        if let Some(percent) = self.browser_core_percent {
+            print!("the browser needs {percent:.0} % of a core");
+        }
+        println!("; {} turns of {} s each", self.turns, self.seconds_each);
     }
 }

@@ -103,7 +103,7 @@ fn processor_time_ns(site: &Site) -> BTreeMap<String, u64> {
 }
 
 /// Of all its threads.
-fn time_of_process_ns(id: u32) -> u64 {
+pub fn time_of_process_ns(id: u32) -> u64 {
     let tasks = std::fs::read_dir(format!("/proc/{id}/task")).into_iter().flatten().flatten();
     tasks
         .filter_map(|task| std::fs::read_to_string(task.path().join("schedstat")).ok())

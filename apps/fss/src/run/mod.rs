@@ -26,7 +26,7 @@ use fss_lab::Faults;
 use fss_messages::MissionState;
 use fss_records::log::Log;
 use indicatif::{ProgressBar, ProgressStyle};
-pub use measured::{Measured, measured_flight};
+pub use measured::{Measured, measured_flight, time_of_process_ns};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 pub use soak::SoakArgs;
 use stack::Stack;
