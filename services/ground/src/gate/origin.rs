@@ -56,7 +56,8 @@ fn may_look(origin: &[u8], named: &[String]) -> bool {
     is_of_this_computer(origin) || named.iter().any(|named| named.eq_ignore_ascii_case(origin))
 }
 
-/// A page that a server on the viewer's own computer served, or one that lies there: the desktop programs' are such files.
+/// A page that a server on the viewer's own computer served, or a desktop program's: those built with Electron say `file://`. A
+/// file that a browser shows says `null`, as any page can from within a frame, so it is foreign.
 fn is_of_this_computer(origin: &str) -> bool {
     if origin == "file://" {
         return true;
@@ -81,7 +82,7 @@ mod tests {
     use super::is_of_this_computer;
 
     #[test]
-    fn only_the_loopback_and_files_are_of_this_computer() {
+    fn only_the_loopback_and_desktop_programs_are_of_this_computer() {
         for origin in ["http://localhost:8080", "https://localhost", "http://127.0.0.1:1", "http://[::1]:80", "file://"]
         {
             assert!(is_of_this_computer(origin), "{origin}");
