@@ -4,18 +4,24 @@
 //! does not look at that, and has no hook for one who would. So the gate listens at the address of the launch file, reads the
 //! request, and passes on what it lets in. The library listens at an address of the loopback that is drawn anew at each
 //! start, one of 2^38: no page finds it.
+//!
+//! What a viewer does not fetch waits here too ([`Outbox`]), for the library does not count what it drops.
 
+mod frame;
 mod origin;
+mod outbox;
 
 use crossbeam::queue::ArrayQueue;
+use frame::{read_answer, read_frame};
 use fss_bus::Queue;
 use origin::Verdict;
-use rustix::net::sockopt::set_socket_recv_buffer_size;
+use outbox::{Outbox, Put};
+use rustix::net::sockopt::set_socket_send_buffer_size;
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, RandomState};
-use std::io::{self, Read, Write};
+use std::io::{self, BufReader, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -27,8 +33,10 @@ const MOST_CONNECTIONS: usize = 32;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Refusals are told no more often, whatever a page tries.
 const BETWEEN_WORDS: Duration = Duration::from_secs(10);
-/// What the kernel holds between library and gate, bytes: the queue of a slow viewer is the library's, not the kernel's.
-const WINDOW: usize = 1 << 16;
+/// What the kernel holds for a viewer, bytes: what waits longer waits where it is counted.
+const IN_THE_KERNEL: usize = 1 << 18;
+/// A slow viewer is told of no more often.
+const BETWEEN_COMPLAINTS: Duration = Duration::from_secs(30);
 /// Words that wait to be said.
 const WORDS: usize = 64;
 /// For the last words to viewers.
@@ -55,6 +63,8 @@ struct Shared {
     connections: AtomicUsize,
     /// Viewers' addresses, by those under which the library knows them.
     viewers: Mutex<BTreeMap<SocketAddr, SocketAddr>>,
+    /// Samples that slow viewers have lost and that are not told yet.
+    lost: AtomicU64,
     words: Queue<String>,
     last_word: Mutex<Option<Instant>>,
 }
@@ -69,6 +79,7 @@ impl Gate {
             behind,
             connections: AtomicUsize::new(0),
             viewers: Mutex::default(),
+            lost: AtomicU64::new(0),
             words: Arc::new(ArrayQueue::new(WORDS)),
             last_word: Mutex::default(),
         });
@@ -81,7 +92,12 @@ impl Gate {
         self.port
     }
 
-    /// What is to be said of those who were refused, one after another.
+    /// How many samples slow viewers have lost since this was asked last.
+    pub(crate) fn lost(&self) -> u64 {
+        self.shared.lost.swap(0, Ordering::Relaxed)
+    }
+
+    /// What is to be said of those who were refused or are slow, one after another.
     pub(crate) fn next_words(&self) -> Option<String> {
         self.shared.words.pop()
     }
@@ -158,24 +174,73 @@ impl Shared {
     /// Says to the library what the viewer says, and the other way, until one of them goes.
     fn pass_on(&self, outside: &TcpStream, request: &[u8]) -> io::Result<()> {
         let mut inside = TcpStream::connect(self.behind)?;
-        set_socket_recv_buffer_size(&inside, WINDOW)?;
+        set_socket_send_buffer_size(outside, IN_THE_KERNEL)?;
         inside.set_nodelay(true)?;
         outside.set_nodelay(true)?;
         outside.set_read_timeout(None)?;
         inside.write_all(request)?;
         let known_as = inside.local_addr()?;
-        lock(&self.viewers).insert(known_as, outside.peer_addr()?);
+        let viewer = outside.peer_addr()?;
+        lock(&self.viewers).insert(known_as, viewer);
         std::thread::scope(|threads| {
             threads.spawn(|| {
                 let _one_of_them_has_gone = io::copy(&mut &*outside, &mut &inside);
                 // The library may still have a word to say.
                 let _ = inside.shutdown(Shutdown::Write);
             });
-            let _one_of_them_has_gone = io::copy(&mut &inside, &mut &*outside);
+            let _one_of_them_has_gone = self.deliver(&inside, outside, viewer);
             let _ = (inside.shutdown(Shutdown::Both), outside.shutdown(Shutdown::Both));
         });
         lock(&self.viewers).remove(&known_as);
         Ok(())
+    }
+
+    /// What the library says, to the viewer, as fast as that reads.
+    fn deliver(&self, inside: &TcpStream, outside: &TcpStream, viewer: SocketAddr) -> io::Result<()> {
+        let mut from = BufReader::new(inside);
+        let answer = read_answer(&mut from)?;
+        (&*outside).write_all(&answer)?;
+        if !answer.starts_with(b"HTTP/1.1 101") {
+            return io::copy(&mut from, &mut &*outside).map(drop);
+        }
+        let outbox = Outbox::default();
+        std::thread::scope(|threads| {
+            threads.spawn(|| {
+                while outbox.take().is_some_and(|frame| (&*outside).write_all(&frame).is_ok()) {}
+                outbox.leave();
+                let _ = inside.shutdown(Shutdown::Both);
+            });
+            self.fill(&outbox, &mut from, viewer);
+            outbox.close(FAREWELL);
+            // Where the viewer does not read, this ends the wait for it.
+            let _ = outside.shutdown(Shutdown::Both);
+        });
+        Ok(())
+    }
+
+    /// Takes all that the library says, until it or the viewer goes, and tells of what had to be dropped.
+    fn fill(&self, outbox: &Outbox, from: &mut BufReader<&TcpStream>, viewer: SocketAddr) {
+        let (mut dropped, mut complained) = (0_u64, None::<Instant>);
+        while let Ok(frame) = read_frame(from) {
+            match outbox.put(frame) {
+                Put::Waits => {}
+                Put::Closed => break,
+                Put::Dropped => {
+                    dropped += 1;
+                    self.lost.fetch_add(1, Ordering::Relaxed);
+                    if complained.is_none_or(|last| last.elapsed() >= BETWEEN_COMPLAINTS) {
+                        complained = Some(Instant::now());
+                        let words =
+                            format!("the viewer at {viewer} reads too slowly: {dropped} of its messages dropped");
+                        self.words.force_push(words);
+                    }
+                }
+            }
+        }
+        if dropped > 0 {
+            self.words
+                .force_push(format!("the slow viewer at {viewer} has gone: {dropped} of its messages were dropped"));
+        }
     }
 
     fn say_rarely(&self, words: String) {

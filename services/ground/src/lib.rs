@@ -11,7 +11,7 @@
 //! What a browser shows may come from anywhere: pages of other origins than the launch file names are refused (`gate`).
 //!
 //! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
-//! slow client does not fetch is dropped from that client's own bounded queue, which is said ([`overflow_layer`]).
+//! slow client does not fetch is dropped from that client's own bounded queue, counted and said.
 
 mod cdr;
 mod downlink;
@@ -31,7 +31,7 @@ pub use topics::AllTopics;
 
 use downlink::Downlink;
 use frames::Frames;
-use fss_bus::{Bus, Output, Service, Time, outputs};
+use fss_bus::{Bus, BusError, Output, OutputPort, Service, Time, outputs};
 use fss_messages::{Event, MissionCommand, Parameters, topic};
 use fss_plant::Plant;
 use scene::Scene;
@@ -49,6 +49,23 @@ outputs! {
         mission: Output<MissionCommand> = topic::MISSION_COMMAND,
         /// Viewers that come, go and ask.
         events: Output<Event> = topic::EVENTS,
+        /// What slow viewers lose.
+        lost: Lost = (),
+    }
+}
+
+/// Samples that slow viewers have lost: a port, so that they count among what could not be queued.
+pub struct Lost(u64);
+
+impl OutputPort for Lost {
+    type Address = ();
+
+    fn open(_bus: &Bus, (): ()) -> Result<Self, BusError> {
+        Ok(Self(0))
+    }
+
+    fn flush(&mut self, _now: Time) -> u64 {
+        std::mem::take(&mut self.0)
     }
 }
 
@@ -96,7 +113,8 @@ impl Service for Ground {
         self.downlink.send(inputs);
         self.frames.send(now, inputs);
         self.scene.send(now, inputs);
-        let Outputs { parameters, mission, events } = outputs;
+        let Outputs { parameters, mission, events, lost } = outputs;
+        lost.0 += self.server.lost();
         self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });
         self.server.tell(self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
         if let Some(words) = self.address.take() {

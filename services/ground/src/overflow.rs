@@ -1,7 +1,7 @@
-//! Hears from the server's library which viewer reads too slowly.
+//! Hears from the server's library that it had to drop messages itself.
 //!
-//! The library drops a slow viewer's oldest messages and says so through `tracing`, at most twice a minute; it does not count
-//! them. This layer passes its word on to the service, for `/events`.
+//! It does so where the gate could not take them in time, and says so through `tracing`, at most twice a minute; it does not
+//! count them. This layer passes its word on to the service, for `/events`.
 
 use crossbeam::queue::ArrayQueue;
 use std::fmt::{Debug, Write};
@@ -15,8 +15,8 @@ use tracing_subscriber::layer::Context;
 /// What the library says begins like this; then comes the viewer's address.
 const WORDS: &str = "outbox for client ";
 
-/// Addresses of slow viewers that wait to be said: one program has one `tracing`, so it has one of these.
-static SLOW: LazyLock<ArrayQueue<String>> = LazyLock::new(|| ArrayQueue::new(16));
+/// Addresses of such viewers that wait to be said: one program has one `tracing`, so it has one of these.
+static OVERFLOWS: LazyLock<ArrayQueue<String>> = LazyLock::new(|| ArrayQueue::new(16));
 
 /// The layer; whoever sets up `tracing` adds it.
 pub fn overflow_layer<S>() -> impl Layer<S>
@@ -26,9 +26,9 @@ where
     Overflow.with_filter(Targets::new().with_target("foxglove", Level::INFO))
 }
 
-/// The next viewer that was too slow.
-pub(crate) fn next_slow_viewer() -> Option<String> {
-    SLOW.pop()
+/// The next viewer for whom messages were lost.
+pub(crate) fn next_overflow() -> Option<String> {
+    OVERFLOWS.pop()
 }
 
 struct Overflow;
@@ -38,7 +38,7 @@ impl<S: Subscriber> Layer<S> for Overflow {
         let mut message = Message(String::new());
         event.record(&mut message);
         if let Some(viewer) = message.0.strip_prefix(WORDS).and_then(|rest| rest.split_whitespace().next()) {
-            SLOW.force_push(viewer.to_owned());
+            OVERFLOWS.force_push(viewer.to_owned());
         }
     }
 }

@@ -12,7 +12,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-/// Messages that wait for one client; when there are more, its oldest are dropped.
+/// Messages that wait for the gate, for each client; the gate takes them at once.
 const BACKLOG: usize = 2048;
 /// Words about clients that wait to be said.
 const WORDS: usize = 64;
@@ -105,17 +105,24 @@ impl Server {
         self.gate.port()
     }
 
+    /// How many samples slow viewers have lost since this was asked last.
+    pub(crate) fn lost(&self) -> u64 {
+        self.gate.lost()
+    }
+
     /// What is to be said of clients, one after another, and how grave it is.
     pub(crate) fn next_words(&self) -> Option<(u8, String)> {
         let come_or_gone = || self.words.pop().map(|words| (Event::INFO, words.to_owned()));
-        let refused = || self.gate.next_words().map(|words| (Event::WARNING, words));
-        refused().or_else(come_or_gone).or_else(|| self.next_slow_viewer())
+        let refused_or_slow = || self.gate.next_words().map(|words| (Event::WARNING, words));
+        refused_or_slow().or_else(come_or_gone).or_else(|| self.next_overflow())
     }
 
-    fn next_slow_viewer(&self) -> Option<(u8, String)> {
-        let known_as = overflow::next_slow_viewer()?;
+    /// The gate was kept from taking what the library had for it.
+    fn next_overflow(&self) -> Option<(u8, String)> {
+        let known_as = overflow::next_overflow()?;
         let viewer = self.gate.viewer_at(&known_as).map_or(known_as, |viewer| viewer.to_string());
-        Some((Event::WARNING, format!("the viewer at {viewer} reads too slowly: its oldest messages are dropped")))
+        let words = "this process has too little of the processor: messages are lost, uncounted";
+        Some((Event::WARNING, format!("{words}, for the viewer at {viewer}")))
     }
 
     /// Tells those who asked for it of parameters that have changed.
