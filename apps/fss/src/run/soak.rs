@@ -94,6 +94,12 @@ struct Sums {
     navigation_count: f64,
 }
 
+impl Sums {
+    fn navigation_rms_m(&self) -> f64 {
+        (self.navigation2 / self.navigation_count.max(1.0)).sqrt()
+    }
+}
+
 /// Who is struck. The laboratory is the world; a mission that dies ends its flight, so it is not.
 const VICTIMS: [&str; 6] = ["thrusters", "base", "fusion", "links", "arm", "recorder"];
 /// A process's memory is compared with what it had at this age: it has touched everything by then.
@@ -139,16 +145,20 @@ fn fly_all(args: &SoakArgs, folder: &Path, stop: &Arc<AtomicBool>, soak: &mut So
         soak.faults += stack.faults.fault.len();
         flight.fly(&stack, stop, soak)?;
         read_logs(&flight.folder, &stack.launch.vehicle, soak, &mut sums)?;
+        soak.navigation_rms_m = sums.navigation_rms_m();
         eprintln!(
-            "flight {}: {} kills, {} freezes, {} restarts, {} of {} records lost so far",
-            soak.flights, soak.kills, soak.freezes, soak.restarts, soak.lost_records, soak.records
+            "flight {}: {} kills, {} freezes, {} restarts, {} of {} records lost, navigation {:.2} mm RMS so far",
+            soak.flights,
+            soak.kills,
+            soak.freezes,
+            soak.restarts,
+            soak.lost_records,
+            soak.records,
+            soak.navigation_rms_m * 1e3
         );
         if args.out.is_none() {
             let _best_effort = std::fs::remove_dir_all(&flight.folder);
         }
-    }
-    if sums.navigation_count > 0.0 {
-        soak.navigation_rms_m = (sums.navigation2 / sums.navigation_count).sqrt();
     }
     Ok(())
 }
