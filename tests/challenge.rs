@@ -79,6 +79,20 @@ fn where_nothing_is_hidden_nothing_is_named() {
 }
 
 #[test]
+fn what_moves_the_vehicle_far_is_named_for_what_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    // Half the base's mass, once thought to be a push; exchanged valves, once not seen; one clock, once called four late links;
+    // exchanged valves beside a plume, once called turned and weak thrusters.
+    for seed in ["290", "235", "216", "57"] {
+        let (out, file) = (folder.path().join(seed), folder.path().join("answer.json"));
+        succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
+        let answer = json(&file);
+        assert_eq!(answer["score"]["all_are_right"], true, "seed {seed}: {} {}", answer["hidden"], answer["said"]);
+        assert_eq!(answer["score"]["named_wrongly"], 0, "seed {seed}: {}", answer["said"]);
+    }
+}
+
+#[test]
 fn a_joint_with_play_is_named_and_measured() {
     let folder = tempfile::tempdir().unwrap();
     let (plant, laboratory) = (folder.path().join("plant.toml"), folder.path().join("laboratory.toml"));
