@@ -24,6 +24,11 @@ const FAR: f64 = 25.0;
 /// And at most so often.
 const ROUNDS_FAR: usize = 3;
 
+/// Motion that is not chaotic may take so many times as many rounds, and never goes uphill.
+const ROUNDS_IF_CALM: usize = 2;
+const UPHILL_IF_CHAOTIC: f64 = 1.5;
+/// Share of a step that is taken back where it was too long.
+const BACK: f64 = 0.7;
 /// A step that leaves less than this share of the sum of squares was long enough to linearize anew.
 const MUCH_BETTER: f64 = 0.5;
 
@@ -158,22 +163,24 @@ impl Cell {
         let mut last = f64::INFINITY;
         let mut change = DVector::zeros(n);
         let mut jacobian = None;
+        let (rounds, uphill) = if is_chaotic { (rounds, UPHILL_IF_CHAOTIC) } else { (ROUNDS_IF_CALM * rounds, 1.0) };
         for _ in 0..rounds {
-            let here = || whitened(span, &unknowns, &residuals(std::slice::from_ref(&unknowns))[0]);
-            let is_near = |residual: &DVector<f64>| !is_chaotic && residual.norm_squared() > MUCH_BETTER * last;
-            let near = jacobian.take().map(|jacobian| (jacobian, here())).filter(|(_, residual)| is_near(residual));
-            let (known, residual) = near.unwrap_or_else(|| linearized(span, &unknowns, residuals));
-            let jacobian = jacobian.insert(known);
-            let now = residual.norm_squared();
-            if !now.is_finite() {
+            let here = whitened(span, &unknowns, &residuals(std::slice::from_ref(&unknowns))[0]);
+            let now = here.norm_squared();
+            if !now.is_finite() && cell.is_none() {
                 return None;
             }
-            if now > 1.5 * last {
-                // Too far: half the way back.
-                change *= 0.5;
+            if !(now <= uphill * last) {
+                // Too far: most of the way back. Where dry friction holds a base, say, what is linear ends nearby.
+                change *= BACK;
                 unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u -= c);
+                change *= 1.0 / BACK - 1.0;
                 continue;
             }
+            let is_near = !is_chaotic && now > MUCH_BETTER * last;
+            let near = jacobian.take().filter(|_| is_near).map(|jacobian| (jacobian, here));
+            let (known, residual) = near.unwrap_or_else(|| linearized(span, &unknowns, residuals));
+            let jacobian = jacobian.insert(known);
             last = now;
             let (absorbed, to_unknowns) = basis(jacobian)?;
             let step = &to_unknowns * absorbed.tr_mul(&residual);

@@ -3,6 +3,7 @@
 //! Nothing here is a cause. What is not a measurement is left out, what is noisier than stated is believed less, and each
 //! is told.
 
+use crate::grasp::in_hand_from_s;
 use crate::measured::{Poses, Run};
 use fss_plant::Plant;
 use std::f64::consts::TAU;
@@ -47,6 +48,17 @@ pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
             if let Some((count, longest_s, at_s)) = gaps(&poses.t_s) {
                 out.remarks.push(format!("{of}: {count} gaps, the longest of {longest_s:.2} s at {at_s:.2} s"));
             }
+        }
+    }
+    if plant.link_count() > 0 && !plant.base.clamped {
+        for run in &mut out.runs {
+            let Some(from_s) = in_hand_from_s(run) else { continue };
+            *run = std::mem::take(run).measured_from(from_s);
+            out.remarks.push(format!(
+                "{}: until {from_s:.1} s something moves the arm, which its drives do not hold yet, faster than its telemetry \
+                 tells; that time is left out",
+                run.name
+            ));
         }
     }
     if plant.link_count() > 0 {

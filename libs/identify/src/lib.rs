@@ -15,6 +15,7 @@ mod contest;
 pub mod diagnosis;
 mod evidence;
 mod floating;
+mod grasp;
 mod hypothesis;
 pub mod inputs;
 mod integrity;

@@ -29,11 +29,40 @@ const TELEMETRY_PAUSE_S: f64 = 1.0;
 const SETTLING_S: f64 = 1.0;
 const AT_REST_RAD: f64 = 1e-3;
 
+/// In so long every joint reports, and a window's margin passes, s.
+const ALL_REPORT_S: f64 = 0.5;
+
 impl Run {
     /// Whether the arm's motion between two times is known: its telemetry tells it, or it was told to rest. A drive follows
     /// its command to hundredths of a radian only, which is far more than the base's sensors notice.
     pub(crate) fn arm_is_known(&self, from_s: f64, to_s: f64) -> bool {
         self.telemetry_tells(from_s, to_s) || self.arm_is_told_to_rest(from_s - SETTLING_S, to_s)
+    }
+
+    /// The same run without what the joints reported before `from_s`, and everything else before every joint has reported once
+    /// more; what it was told stays.
+    pub(crate) fn measured_from(mut self, from_s: f64) -> Self {
+        let late = |t_s: &[f64]| t_s.partition_point(|t| *t < from_s + ALL_REPORT_S);
+        for poses in [&mut self.base_pose, &mut self.ee_pose].into_iter().flatten() {
+            let early = late(&poses.t_s);
+            poses.t_s.drain(..early);
+            poses.values.drain(..early);
+        }
+        if let Some(gyro) = &mut self.gyro {
+            let early = late(&gyro.t_s);
+            gyro.t_s.drain(..early);
+            gyro.values.drain(..early);
+        }
+        if let Some(joints) = &mut self.joints {
+            let early = joints.t_s.partition_point(|t| *t < from_s);
+            joints.t_s.drain(..early);
+            let quantities =
+                [&mut joints.q_rad, &mut joints.qd_rad_s, &mut joints.current_a, &mut joints.torque_nm].into_iter();
+            for values in quantities.flatten() {
+                values.drain(..early.min(values.len()));
+            }
+        }
+        self
     }
 
     /// Whether joints of a clamped arm can be simulated: free ones swing by themselves, driven ones need their currents.

@@ -17,8 +17,9 @@ use std::f64::consts::{PI, TAU};
 
 /// Length of a window, s.
 const WINDOW_S: f64 = 5.0;
-/// Between two samples of base, end-effector and gyro, ms; and of telemetry, in those.
-const SAMPLE_MS: usize = 50;
+/// Between two samples of base, end-effector and gyro, ms; and of telemetry, in those. No divisor of the commands' period:
+/// a stiff drive rings for some milliseconds after each, and telemetry meets that no more often than anything else.
+const SAMPLE_MS: usize = 47;
 const TELEMETRY_EVERY: usize = 4;
 /// Centre of mass x and y, angle of the base less what the arm turned it; gyro less the same; end-effector x, y and angle,
 /// seen from the base, less where the encoders have it. Beyond them stand the drives: what friction takes of each torque.

@@ -8,6 +8,7 @@ use crate::trial::Trial;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
 /// Rounds of Gauss-Newton.
 const ROUNDS: usize = 6;
@@ -20,6 +21,8 @@ pub(crate) struct Refined {
     /// Index of each in the contest's hypotheses.
     pub(crate) hypotheses: Vec<usize>,
     pub(crate) effects: Vec<Effect>,
+    /// How many parameters of each are fitted: none of an exchange.
+    pub(crate) fitted: Vec<usize>,
     /// Sum of squares, what the nuisances absorb taken out.
     pub(crate) chi2: f64,
     pub(crate) freedom: f64,
@@ -37,6 +40,14 @@ pub(crate) struct Refined {
     pub(crate) by_column: DMatrix<f64>,
 }
 
+impl Refined {
+    /// Which of the columns are a cause's own.
+    pub(super) fn columns_of(&self, which: usize) -> Range<usize> {
+        let first: usize = self.fitted[..which].iter().sum();
+        first..first + self.fitted[which]
+    }
+}
+
 struct Point {
     effects: Vec<Effect>,
     cells: Vec<Cell>,
@@ -51,6 +62,7 @@ impl Contest {
         Ok(Refined {
             hypotheses: Vec::new(),
             effects: Vec::new(),
+            fitted: Vec::new(),
             chi2: normal.c,
             freedom: normal.freedom,
             covariance: DMatrix::zeros(0, 0),
@@ -82,9 +94,12 @@ impl Contest {
         let all: Vec<usize> = (0..columns.len()).collect();
         let covariance = reduced.normal.fit(&all).covariance;
         let clear = self.clear_of(&columns, &reduced.by_column);
+        let is_discrete = |h: &usize| self.hypotheses[*h].is_discrete;
+        let fitted = hypotheses.iter().zip(&now.effects).map(|(h, e)| parameters(is_discrete(h), e)).collect();
         Ok(Refined {
             hypotheses: hypotheses.to_vec(),
             effects: now.effects,
+            fitted,
             chi2: reduced.normal.c,
             freedom: reduced.normal.freedom,
             covariance,

@@ -2,6 +2,7 @@
 
 use super::Contest;
 use crate::normal::Normal;
+use crate::sensitivity::Column;
 use fss_plant::Effect;
 use nalgebra::{DMatrix, DVector};
 
@@ -123,14 +124,21 @@ impl Contest {
     pub(crate) fn confusability(&self, causes: &[usize]) -> DMatrix<f64> {
         let total = Normal::sum(self.width(), self.screen.iter()).absorbed(self.nuisance_count, self.unit);
         DMatrix::from_fn(causes.len(), causes.len(), |i, j| {
-            if i == j { 1.0 } else { cosine(&total, &self.columns_of(causes[i]), &self.columns_of(causes[j])) }
+            if i == j { 1.0 } else { cosine(&total.g, &self.columns_of(causes[i]), &self.columns_of(causes[j])) }
         })
     }
 }
 
-/// Largest cosine between a direction of `a` and the space of `b`.
-fn cosine(total: &Normal, a: &[usize], b: &[usize]) -> f64 {
-    let block = |x: &[usize], y: &[usize]| DMatrix::from_fn(x.len(), y.len(), |i, j| total.g[(x[i], y[j])]);
+/// The same between what some columns can do together and what some others can.
+pub(super) fn likeness(columns: &[Column], some: &[usize], others: &[usize]) -> f64 {
+    let dot = |a: &Column, b: &Column| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+    let products = DMatrix::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
+    cosine(&products, some, others)
+}
+
+/// Largest cosine between a direction of `a` and the space of `b`, whose products are given.
+fn cosine(products: &DMatrix<f64>, a: &[usize], b: &[usize]) -> f64 {
+    let block = |x: &[usize], y: &[usize]| DMatrix::from_fn(x.len(), y.len(), |i, j| products[(x[i], y[j])]);
     let root = |m: DMatrix<f64>| {
         let eigen = m.symmetric_eigen();
         let floor = 1e-9 * eigen.eigenvalues.max();

@@ -15,10 +15,7 @@ impl Contest {
     pub(super) fn sides_agree(&self, refined: &Refined, which: usize) -> bool {
         let effect = &refined.effects[which];
         let (Some(joint), true) = (effect.index(), effect.id() == "torque_sensor") else { return true };
-        let count = |k: usize| {
-            if self.hypotheses[refined.hypotheses[k]].is_discrete { 0 } else { refined.effects[k].values().len() }
-        };
-        let first: usize = (0..which).map(count).sum();
+        let first = refined.columns_of(which).start;
         let left = self.unexplained(&refined.residuals, &refined.nuisance);
         let fault = [effect.values()[0], effect.values()[1] - 1.0];
         // In the units of what each does to the sensor at a typical torque of a tenth of a newton metre.

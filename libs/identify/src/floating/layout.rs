@@ -31,6 +31,11 @@ const ACCELERATION_SHARE: f64 = 0.1;
 /// Friction is not known better than this near rest, N m.
 const REST_FRICTION_N_M: f64 = 0.05;
 
+/// Steps of the derivatives by a window's initial pose, m and rad, and by its rates, m/s and rad/s: of these so much as sets a
+/// base in motion that dry friction holds.
+const POSE_STEP: f64 = 1e-5;
+const RATE_STEP: f64 = 1e-3;
+
 /// One window.
 pub(super) struct Window {
     pub(super) first_step: usize,
@@ -149,7 +154,8 @@ impl Window {
         let knots = self.room.as_ref().map_or(0, |r| 3 * r[0].nrows());
         let mut guess = Self::first_guess(run, self.grid(start_s).start_s);
         guess.resize(6 + knots, 0.0);
-        let mut steps = vec![1e-5; 6];
+        let mut steps = vec![POSE_STEP; 3];
+        steps.resize(6, RATE_STEP);
         steps.resize(6 + knots, 1.0);
         let Layout { rows, whitening, .. } = layout;
         Span { from_s: self.from_s, to_s: self.to_s, guess, steps, prior_count: knots, rows, whitening }

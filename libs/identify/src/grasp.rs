@@ -1,0 +1,37 @@
+//! Beginnings in which the arm is not in its drives' hands.
+//!
+//! Until its drives take up their commands something may fling an arm about, a spring at a joint, say. Between two reports it
+//! then goes anywhere, and the base with it: no model of the base can be judged by that time.
+
+use crate::measured::{Joints, Run};
+
+/// Angles that reports, taken together, leave open by more than this are not known, rad: what a drive does where it takes
+/// up a command stays well below.
+const OPEN_RAD: f64 = 0.02;
+/// An arm that is not in hand for longer than this is one whose model is wrong, s.
+const LONGEST_S: f64 = 3.0;
+
+/// When the drives of a run have its arm in hand, s, where that is not from the beginning on.
+pub(crate) fn in_hand_from_s(run: &Run) -> Option<f64> {
+    let joints = run.joints.as_ref()?;
+    let (first_s, last_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
+    let open = (0..joints.q_rad.len()).flat_map(|joint| open_rad(run, joints, joint));
+    let open_s = open.filter(|(_, open)| *open > OPEN_RAD).map(|(t_s, _)| t_s).reduce(f64::max)?;
+    (open_s - first_s < LONGEST_S.min(0.5 * (last_s - first_s))).then_some(open_s)
+}
+
+/// For each report of a joint, how far its way since the last one is from what their rates say, rad: nothing where the
+/// acceleration is even.
+fn open_rad(run: &Run, joints: &Joints, joint: usize) -> Vec<(f64, f64)> {
+    let Some(rates) = joints.qd_rad_s.get(joint) else { return Vec::new() };
+    let command = |t: f64| run.joint_command.as_ref().and_then(|c| Some((c.at(joint, t)?, c.rate_at(joint, t)?)));
+    let reports = joints.t_s.iter().zip(&joints.q_rad[joint]).zip(rates);
+    let off: Vec<(f64, f64, f64)> = reports
+        .filter(|((_, q), v)| q.is_finite() && v.is_finite())
+        .map(|((t, q), v)| {
+            let (angle, rate) = command(*t).unwrap_or((0.0, 0.0));
+            (*t, q - angle, v - rate)
+        })
+        .collect();
+    off.windows(2).map(|w| (w[1].0, (w[1].1 - w[0].1 - 0.5 * (w[1].0 - w[0].0) * (w[0].2 + w[1].2)).abs())).collect()
+}
