@@ -128,9 +128,11 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
                 if !before.is_empty() && old.is_none() {
                     return None;
                 }
-                let start = old.map(|c| &c.unknowns);
                 let of = |x: &[Vec<f64>]| flight.residuals(w, x);
-                let start = start.unwrap_or(&span.guess);
+                let off = |x: &Vec<f64>| whitened(span, x, &of(std::slice::from_ref(x))[0]).norm_squared();
+                // Chaotic motion that another trial was fitted to can be farther from this one than what was measured is.
+                let is_led_astray = |c: &&Cell| records[r].is_chaotic() && off(&span.guess) < off(&c.unknowns);
+                let start = old.filter(|c| !is_led_astray(c)).map_or(&span.guess, |c| &c.unknowns);
                 let mut fresh = Cell::fit((r, w), span, start, rounds, records[r].is_chaotic(), &of);
                 if let (Some(cell), Some(old)) = (&mut fresh, old) {
                     cell.weigh(old.weights.clone());

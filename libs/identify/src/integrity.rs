@@ -3,7 +3,7 @@
 //! Nothing here is a cause. What is not a measurement is left out, what is noisier than stated is believed less, and each
 //! is told.
 
-use crate::grasp::in_hand_from_s;
+use crate::in_hand::in_hand_from_s;
 use crate::measured::{Poses, Run};
 use fss_plant::Plant;
 use std::f64::consts::TAU;

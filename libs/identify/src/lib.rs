@@ -15,8 +15,9 @@ mod contest;
 pub mod diagnosis;
 mod evidence;
 mod floating;
-mod grasp;
+
 mod hypothesis;
+mod in_hand;
 pub mod inputs;
 mod integrity;
 pub mod measured;

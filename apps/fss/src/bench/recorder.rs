@@ -114,6 +114,7 @@ fn run_bare(path: &Path) -> Result<f64> {
     let mut log = WriteOptions::new()
         .compression(Some(Compression::Zstd))
         .compression_level(1)
+        .compression_threads(0)
         .create(BufWriter::new(File::create(path).into_diagnostic()?))
         .into_diagnostic()?;
     let schema = log.add_schema("NavState", "ros2msg", NavState::definition().as_bytes()).into_diagnostic()?;

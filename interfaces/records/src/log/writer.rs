@@ -55,6 +55,8 @@ impl LogWriter {
             .library(concat!("fss ", env!("CARGO_PKG_VERSION")))
             .compression(Some(Compression::Zstd))
             .compression_level(COMPRESSION_LEVEL)
+            // Helper threads, which the library would start anew for each chunk, cost more than they help.
+            .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
             .create(BufWriter::new(storage))

@@ -12,8 +12,10 @@ use std::ops::Range;
 
 /// Rounds of Gauss-Newton.
 const ROUNDS: usize = 6;
-/// The same where every window's motion must be fitted anew.
-const ROUNDS_IF_CHAOTIC: usize = 4;
+/// A step that gains less was the last: in the sum of squares, and as a share of it where motion is chaotic, for there a model
+/// is far from the noise and a round is dear.
+const LEAST_STEP: f64 = 0.5;
+const LEAST_STEP_SHARE_IF_CHAOTIC: f64 = 1e-4;
 
 /// Causes with the values that fit best.
 #[derive(Clone)]
@@ -79,7 +81,7 @@ impl Contest {
         let mut now = self.point(effects)?;
         let mut columns = self.columns_at(hypotheses, &now)?;
         let mut reduced = self.reduce(&now.residuals, &columns);
-        for _ in 0..if self.is_chaotic() { ROUNDS_IF_CHAOTIC } else { ROUNDS } {
+        for _ in 0..ROUNDS {
             let all: Vec<usize> = (0..columns.len()).collect();
             let fit = reduced.normal.fit(&all);
             let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c) else { break };
@@ -87,7 +89,8 @@ impl Contest {
             now = next;
             columns = self.columns_at(hypotheses, &now)?;
             reduced = self.reduce(&now.residuals, &columns);
-            if gain < 0.5 {
+            let least = if self.is_chaotic() { LEAST_STEP_SHARE_IF_CHAOTIC * better } else { LEAST_STEP };
+            if gain < least {
                 break;
             }
         }

@@ -35,3 +35,43 @@ fn open_rad(run: &Run, joints: &Joints, joint: usize) -> Vec<(f64, f64)> {
         .collect();
     off.windows(2).map(|w| (w[1].0, (w[1].1 - w[0].1 - 0.5 * (w[1].0 - w[0].0) * (w[0].2 + w[1].2)).abs())).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::measured::{Many, Poses};
+
+    /// An arm of one joint that is told to rest for 20 s, and swings with this rate until this time.
+    fn swinging(rate_rad_s: f64, until_s: f64) -> Run {
+        let t_s: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k)).collect();
+        let swing = |t: f64| if t < until_s { 0.3 * (rate_rad_s * t).sin() } else { 0.0 };
+        let rate = |t: f64| if t < until_s { 0.3 * rate_rad_s * (rate_rad_s * t).cos() } else { 0.0 };
+        let joints = Joints {
+            q_rad: vec![t_s.iter().map(|t| swing(*t)).collect()],
+            qd_rad_s: vec![t_s.iter().map(|t| rate(*t)).collect()],
+            t_s: t_s.clone(),
+            ..Joints::default()
+        };
+        let joint_command = Many { t_s: vec![0.0, 20.0], values: vec![vec![0.0; 2]] };
+        let base_pose = Poses { values: vec![[0.0; 3]; t_s.len()], t_s };
+        Run { joints: Some(joints), joint_command: Some(joint_command), base_pose: Some(base_pose), ..Run::default() }
+    }
+
+    #[test]
+    fn an_arm_that_is_flung_at_first_is_in_hand_once_its_reports_agree() {
+        let run = swinging(9.0, 0.9);
+        let from_s = in_hand_from_s(&run).unwrap();
+        assert!((0.9..1.3).contains(&from_s), "{from_s} s");
+        let rest = run.measured_from(from_s);
+        assert!(in_hand_from_s(&rest).is_none());
+        assert!(rest.joints.unwrap().t_s[0] >= from_s && rest.base_pose.unwrap().t_s[0] > from_s);
+        assert_eq!(rest.joint_command.unwrap().t_s.len(), 2, "what it was told stays");
+    }
+
+    #[test]
+    fn an_arm_that_moves_gently_or_is_never_in_hand_is_left_alone() {
+        assert_eq!(in_hand_from_s(&swinging(0.5, 20.0)), None);
+        assert_eq!(in_hand_from_s(&swinging(9.0, 20.0)), None);
+    }
+}
