@@ -172,7 +172,7 @@ impl Cell {
             if !now.is_finite() && cell.is_none() {
                 return None;
             }
-            if !(now <= uphill * last) {
+            if now.is_nan() || now > uphill * last {
                 // Too far: most of the way back. Where dry friction holds a base, say, what is linear ends nearby.
                 change *= BACK;
                 unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u -= c);
@@ -188,18 +188,7 @@ impl Cell {
             let step = &to_unknowns * absorbed.tr_mul(&residual);
             let left = &residual - &absorbed * (absorbed.transpose() * &residual);
             let converged = now - left.norm_squared() < 1e-3 * now + 1e-3;
-            cell = Some(Self {
-                record,
-                window,
-                from_s: span.from_s,
-                to_s: span.to_s,
-                unknowns: unknowns.clone(),
-                absorbed,
-                to_unknowns,
-                weights: DVector::from_element(residual.len(), 1.0),
-                residual: left,
-                freedom: (residual.len() as f64 - n as f64).max(1.0),
-            });
+            cell = Some(Self::fitted((record, window), span, &unknowns, (absorbed, to_unknowns), left));
             if converged {
                 break;
             }
@@ -207,6 +196,19 @@ impl Cell {
             unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u += c);
         }
         cell
+    }
+
+    fn fitted(
+        (record, window): (usize, usize),
+        span: &Span,
+        unknowns: &[f64],
+        (absorbed, to_unknowns): (DMatrix<f64>, DMatrix<f64>),
+        residual: DVector<f64>,
+    ) -> Self {
+        let weights = DVector::from_element(residual.len(), 1.0);
+        let freedom = (residual.len() as f64 - unknowns.len() as f64).max(1.0);
+        let (from_s, to_s, unknowns) = (span.from_s, span.to_s, unknowns.to_vec());
+        Self { record, window, from_s, to_s, unknowns, absorbed, to_unknowns, weights, residual, freedom }
     }
 
     /// Expected square of a row's residual where nothing but noise is left.
