@@ -348,6 +348,7 @@ fn stands_out(contest: &Contest, refined: &Refined) -> f64 {
 fn nothing_asserted(contest: &Contest, left: &Refined) -> Verdict {
     let is_quiet = mean_square(left) < CONSISTENT
         && stands_out(contest, left) < CONSISTENT_CHANNEL
+        && contest.shaken.is_none()
         && !contest.air(left).is_too_strong();
     if is_quiet { Verdict::Consistent } else { Verdict::Unexplained }
 }

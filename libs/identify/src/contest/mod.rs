@@ -10,6 +10,7 @@ mod sides;
 mod take;
 mod weigh;
 
+pub(crate) use noise::GYRO;
 pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;
 pub(crate) use select::{MOST_CAUSES, Selection};
@@ -43,6 +44,8 @@ pub(crate) struct Contest {
     /// Mean square that whitened rows have where the plant is as right as it can be: 1 where nothing but noise is left,
     /// more where no cause explains all. Priors are weighed against it, or they would count for nothing.
     pub(crate) unit: f64,
+    /// A gyro that is shaken by what no cause explains: run, RMS over its noise.
+    pub(crate) shaken: Option<(String, f64)>,
     /// Of the nuisances' normal matrix with their priors.
     factor: Option<Cholesky<f64, Dyn>>,
 }
@@ -79,6 +82,7 @@ impl Contest {
             nuisance_count,
             moved: DVector::zeros(nuisance_count),
             unit: 1.0,
+            shaken: None,
             factor: None,
         };
         let all: Vec<usize> = (0..contest.hypotheses.len()).collect();

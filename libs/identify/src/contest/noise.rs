@@ -8,6 +8,10 @@ use std::collections::BTreeMap;
 
 /// Mean square over its expectation beyond which a channel is noisier than its sensor.
 const NOISY: f64 = 1.2;
+/// Mean square of the gyro over its expectation beyond which something shakes the base that nobody knows: servos of sound arms leave
+/// up to 4.3 in blind games, drives so soft that their links swing 9 to 81.
+const SHAKEN: f64 = 8.0;
+pub(crate) const GYRO: &str = "gyro";
 /// The room's air pushes harder than it can if the mean square of its force is this much over one, and so many standard
 /// deviations of a mean square more.
 const HARD_PUSH: f64 = 0.5;
@@ -105,6 +109,16 @@ impl Contest {
         all
     }
 
+    /// The gyro that stands out most from its noise whatever the catalogue adds, where that is more than servos do between two
+    /// reports: run, RMS over its noise.
+    fn shaken_gyro(&self, scatter: &BTreeMap<(usize, usize), Scatter>) -> Option<(String, f64)> {
+        let is_gyro = |record: usize, channel: usize| self.evidence.records[record].channels()[channel] == GYRO;
+        let gyros = scatter.iter().filter(|((record, channel), _)| is_gyro(*record, *channel));
+        let all = gyros.map(|((record, _), scatter)| (*record, scatter.mean_square()));
+        let (record, mean_square) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (mean_square > SHAKEN).then(|| (self.evidence.records[record].name().to_owned(), mean_square.sqrt()))
+    }
+
     /// Where all causes of the catalogue together leave a channel noisier than its sensor, the rest is taken for noise too:
     /// servos, say, that move between two reports otherwise than they were told. Not so of the base's own motion, which
     /// is what everything is judged by.
@@ -122,8 +136,9 @@ impl Contest {
         let value = factor.solve(&all.b);
         let left: Vec<DVector<f64>> =
             self.evidence.cells.iter().zip(&self.columns).map(|(cell, j)| &cell.residual - j * &value).collect();
-        let noisy: BTreeMap<(usize, usize), f64> = self
-            .scatter(&left)
+        let scatter = self.scatter(&left);
+        self.shaken = self.shaken_gyro(&scatter);
+        let noisy: BTreeMap<(usize, usize), f64> = scatter
             .into_iter()
             .filter(|((record, channel), scatter)| {
                 !self.evidence.records[*record].channels()[*channel].starts_with("base")
