@@ -30,6 +30,9 @@ const WORTH_SAYING: f64 = 3.0;
 /// Nor is an elastic drive stiffer than this, rad/(N m): on a light base, which feels its arm more, reports that flatten an arm's
 /// accelerations looked like one of 1250 N m/rad in blind games (377 and 430).
 const LEAST_COMPLIANCE_RAD_N_M: f64 = 9e-4;
+/// Nor play narrower than this, rad: drives so soft that their links swing looked like 0.54 to 0.63 mrad of it in three blind
+/// games (781, 789 and 844), play of 1 mrad like 0.67 to 1.1 in nine.
+const LEAST_PLAY_RAD: f64 = 6.5e-4;
 /// And the share of what is still unexplained.
 const LEAST_SHARE: f64 = 0.12;
 const LEAST_SHARE_OF_ONSET: f64 = 0.4;
@@ -193,6 +196,7 @@ impl Contest {
             && stands_apart(next, last)
             && self.sides_agree(next, last)
             && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
+            && is_wide(&next.effects[last])
             && gain / unit(next) > least
             && share > least_share
             && self.kept(next, last) > LEAST_KEPT
@@ -251,7 +255,10 @@ impl Contest {
             .map(|i| {
                 let without = self.refine_without(after, i)?;
                 let mut rivals = self.rivals_of(after, i, &without, contests)?;
-                rivals.retain(|r| self.is_worth_saying(r.hypotheses[i], &r.effects[i]) && stands_apart(r, i));
+                rivals.retain(|r| {
+                    let effect = &r.effects[i];
+                    self.is_worth_saying(r.hypotheses[i], effect) && is_wide(effect) && stands_apart(r, i)
+                });
                 Ok(rivals)
             })
             .collect()
@@ -300,6 +307,11 @@ impl Contest {
         };
         Ok(starts.par_iter().map(refit).collect::<Result<Vec<_>, ModelError>>()?.into_iter().flatten().collect())
     }
+}
+
+/// Whether a joint's play, fitted, is more than what a soft drive that swings is taken for; true of every other cause.
+fn is_wide(effect: &Effect) -> bool {
+    effect.id() != "joint_backlash" || effect.values()[0] > LEAST_PLAY_RAD
 }
 
 /// Whether one of several causes does something else than the others together, where they are.
