@@ -131,6 +131,10 @@ pub struct Schedule {
     /// When in its period a step begins, so that data flows through the stack within one period.
     #[serde(default)]
     pub phase_us: u64,
+    /// Another phase, for a service that follows a device which runs free: it steps at the one of the two at which a
+    /// measurement has waited less.
+    #[serde(default)]
+    pub other_phase_us: Option<u64>,
     /// A step that ends later than this after its boundary is an overrun; the period where absent.
     #[serde(default)]
     pub deadline_us: Option<u64>,
@@ -168,6 +172,11 @@ impl Schedule {
     /// When in its period a step begins, ns.
     pub fn phase_ns(&self) -> u64 {
         self.phase_us.saturating_mul(1000)
+    }
+
+    /// The other phase that it may step at, ns.
+    pub fn other_phase_ns(&self) -> Option<u64> {
+        self.other_phase_us.map(|us| us.saturating_mul(1000))
     }
 
     /// Time after its boundary at which a step must have ended, ns.
@@ -221,7 +230,7 @@ impl Launch {
                 let help = "a rate lies between 0.1 and 10000 Hz".to_owned();
                 return refuse(format!("'{name}' cannot run at {rate_hz} Hz"), help, service.rate_hz.span());
             }
-            if service.phase_ns() >= service.period_ns() {
+            if service.phase_ns().max(service.other_phase_ns().unwrap_or(0)) >= service.period_ns() {
                 let help = format!("the period is {} us; a phase lies within it", service.period_ns() / 1000);
                 return refuse(format!("the phase of '{name}' is beyond its period"), help, service.name.span());
             }

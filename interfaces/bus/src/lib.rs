@@ -19,6 +19,7 @@ mod error;
 pub mod health;
 pub mod launch;
 mod local;
+mod phase;
 mod port;
 pub mod process;
 pub mod realtime;

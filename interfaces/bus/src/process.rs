@@ -2,10 +2,12 @@
 //!
 //! Boundaries are the multiples of the period on the monotonic clock, plus the phase: since all processes of a host
 //! share that clock, phases order the services of a stack without any process waiting for another. A boundary
-//! that was missed is skipped and counted, never made up in a burst.
+//! that was missed is skipped and counted, never made up in a burst. A service that follows a device may have two phases
+//! to choose from ([`Service::waited_ns`]).
 
 use crate::health::{Monitor, REPORT_PERIOD_NS};
 use crate::launch::Schedule;
+use crate::phase::Phase;
 use crate::realtime::{self, Privileges};
 use crate::{Bus, BusError, InputPorts, Output, OutputPort, Runner, Service, Time};
 use fss_messages::{Event, text, topic};
@@ -31,12 +33,13 @@ pub fn run<S: Service>(
     monitor.set_privileges(granted.real_time, granted.memory_locked);
     announce::<S>(&mut events, &granted, starts, realtime::now()?);
 
-    let (period_ns, phase_ns, deadline_ns) = (schedule.period_ns(), schedule.phase_ns(), schedule.deadline_ns());
+    let (period_ns, deadline_ns) = (schedule.period_ns(), schedule.deadline_ns());
+    let mut phase = Phase::of(schedule);
     // What waited while the process was starting is stale: each input begins with its newest sample.
     runner.inputs.refresh();
     // Before the service's own first word: its events are counted anew from then on, and none seems to be missing.
     events.flush(realtime::now()?);
-    let mut boundary = next_boundary(realtime::now()?, period_ns, phase_ns);
+    let mut boundary = next_boundary(realtime::now()?, period_ns, phase.ns());
     let mut next_report_ns = boundary.ns();
     while !stop.load(Ordering::Relaxed) {
         realtime::sleep_until(boundary);
@@ -58,8 +61,9 @@ pub fn run<S: Service>(
             events.flush(done); // says nothing more, but lets go of readers that died
             next_report_ns = done.ns() + REPORT_PERIOD_NS;
         }
-        let following = boundary.plus_ns(period_ns);
-        boundary = if done < following { following } else { next_boundary(done, period_ns, phase_ns) };
+        phase.note(runner.service.waited_ns());
+        let following = next_boundary(boundary, period_ns, phase.ns());
+        boundary = if done < following { following } else { next_boundary(done, period_ns, phase.ns()) };
         monitor.count_skipped((boundary.ns() - following.ns()) / period_ns);
     }
     Ok(granted)

@@ -14,6 +14,12 @@ pub trait Service {
 
     /// One step at `now`.
     fn step(&mut self, now: Time, inputs: &Self::Inputs, outputs: &mut Self::Outputs);
+
+    /// How long the device's measurement that came with the last step had waited for it since its receipt, ns; `None` where
+    /// none came, or the service follows no device. Where the launch file allows two phases, this chooses.
+    fn waited_ns(&self) -> Option<u64> {
+        None
+    }
 }
 
 /// A service and its open ports.

@@ -14,7 +14,8 @@ use allocation::{Allocator, Wrench};
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::parameter::Tuning;
 use fss_messages::{
-    BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, NavState, Parameters, ThrustersCommand, topic,
+    BaseCommand, Event, LinksState, MAX_THRUSTERS, MissionState, MocapPose, NavState, Parameters, ThrustersCommand,
+    topic,
 };
 use fss_multibody::{Model, State};
 use fss_plant::{Grasped, Physics, Plant};
@@ -41,6 +42,8 @@ inputs! {
     pub struct Inputs {
         /// Where the base is.
         nav: Latest<NavState> = topic::NAV_STATE,
+        /// What navigation saw last, for when it was seen.
+        mocap: Latest<MocapPose> = topic::MOCAP_BASE,
         /// Where it shall be.
         mission: Latest<MissionState> = topic::MISSION_STATE,
         /// How the arm stands.
@@ -185,6 +188,8 @@ pub struct Base {
     integral: [f64; 3],
     /// The stop that is under way, and when its phase began.
     stop: Option<(u64, Stop)>,
+    /// How long the newest measurement had waited for the step that it came with, ns.
+    waited_ns: Option<u64>,
     sample: BaseCommand,
     tuning: Tuning,
 }
@@ -202,6 +207,7 @@ impl Base {
             flown: None,
             integral: [0.0; 3],
             stop: None,
+            waited_ns: None,
             sample: BaseCommand::default(),
             tuning,
         }
@@ -349,6 +355,7 @@ impl Service for Base {
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
         self.tune(now, inputs, outputs);
+        self.waited_ns = inputs.mocap.fresh().map(|pose| now.age_ns(pose.received_ns));
         let (mode, flown) = Self::mode(now, inputs);
         if self.sample.mode == BaseCommand::CONTROL && mode == BaseCommand::STALE {
             let message = format_args!("navigation or mission is stale: thrusters shut");
@@ -397,5 +404,9 @@ impl Service for Base {
         }
         outputs.command.publish(self.sample);
         outputs.thrusters.publish(valves);
+    }
+
+    fn waited_ns(&self) -> Option<u64> {
+        self.waited_ns
     }
 }

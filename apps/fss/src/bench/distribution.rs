@@ -8,7 +8,7 @@ use serde::Serialize;
 pub struct Distribution(Histogram<u64>);
 
 /// What is told of a distribution.
-#[derive(Clone, Copy, Serialize)]
+#[derive(Clone, Copy, Default, Serialize)]
 pub struct Percentiles {
     /// Half are below.
     pub p50: f64,
@@ -33,6 +33,11 @@ impl Distribution {
         self.0.saturating_record(ns);
     }
 
+    /// Forgets what it took.
+    pub fn clear(&mut self) {
+        self.0.reset();
+    }
+
     /// How many were taken.
     pub fn count(&self) -> u64 {
         self.0.len()
@@ -42,5 +47,19 @@ impl Distribution {
     pub fn percentiles(&self, scale: f64) -> Percentiles {
         let at = |quantile| self.0.value_at_quantile(quantile) as f64 * scale;
         Percentiles { p50: at(0.5), p90: at(0.9), p99: at(0.99), p99_9: at(0.999), max: self.0.max() as f64 * scale }
+    }
+}
+
+impl Percentiles {
+    /// What is usual of several: the median of each percentile, and the largest of all.
+    pub fn median(of: &[Self]) -> Self {
+        let median = |get: fn(&Self) -> f64| {
+            let mut values: Vec<f64> = of.iter().map(get).collect();
+            values.sort_by(f64::total_cmp);
+            let (low, high) = (values.len().saturating_sub(1) / 2, values.len() / 2);
+            values.get(low).zip(values.get(high)).map_or(0.0, |(low, high)| f64::midpoint(*low, *high))
+        };
+        let max = of.iter().map(|p| p.max).fold(0.0, f64::max);
+        Self { p50: median(|p| p.p50), p90: median(|p| p.p90), p99: median(|p| p.p99), p99_9: median(|p| p.p99_9), max }
     }
 }

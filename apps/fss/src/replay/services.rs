@@ -180,6 +180,7 @@ fn base<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Base>> {
         bus,
         [
             FromTopic::open(bus, &tape.nav).into_diagnostic()?,
+            FromTopic::open(bus, &tape.mocap_base).into_diagnostic()?,
             FromTopic::open(bus, &tape.mission).into_diagnostic()?,
             FromTopic::open(bus, &tape.links).into_diagnostic()?,
             FromTopic::open(bus, &tape.parameters_command).into_diagnostic()?,

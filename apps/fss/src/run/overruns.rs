@@ -6,8 +6,8 @@ use serde::Serialize;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// The watch wakes so often, ns.
-const WATCH_PERIOD_NS: u64 = 1_000_000;
+/// The watch wakes so often, ns: what makes the fastest loop (1 kHz) late lies across two of its wakes at least.
+const WATCH_PERIOD_NS: u64 = 250_000;
 /// A watch that wakes so much later was held up by the host: nothing on it has a higher priority.
 const STALL_NS: u64 = 300_000;
 /// Above all services.
@@ -28,6 +28,19 @@ pub struct Causes {
     pub normal_scheduling: u64,
     /// None of these.
     pub unexplained: u64,
+}
+
+/// Steps that ended late for no reason that is known, between two reports of their service.
+#[derive(Debug, Serialize)]
+pub struct Unexplained {
+    service: String,
+    count: u64,
+    /// When the report that counts them came, from the start of the stack, s.
+    at_s: f64,
+    /// The latest that a step of the report began, ms.
+    late_ms_max: f64,
+    /// The longest that one took, ms.
+    step_ms_max: f64,
 }
 
 /// What is known of a flight's disturbances.
@@ -62,13 +75,14 @@ impl Disturbances {
     }
 
     /// Finds the cause of late steps of a service of this core and priority; `start_ns` is when the stack was started.
+    /// Returns them where there is none.
     pub fn explain(
         &self,
         late: &Late,
         (core, priority): (Option<usize>, Option<u8>),
         start_ns: u64,
         causes: &mut Causes,
-    ) {
+    ) -> Option<Unexplained> {
         let stalls = self.stalls.lock().unwrap_or_else(PoisonError::into_inner);
         let stalled = stalls.iter().any(|(on, from_ns, to_ns)| {
             core.is_none_or(|core| core == *on) && *from_ns <= late.to_ns && *to_ns >= late.from_ns
@@ -84,9 +98,17 @@ impl Disturbances {
         } else if priority.is_none() {
             &mut causes.normal_scheduling
         } else {
-            &mut causes.unexplained
+            causes.unexplained += late.count;
+            return Some(Unexplained {
+                service: late.service.clone(),
+                count: late.count,
+                at_s: late.to_ns.saturating_sub(start_ns) as f64 * 1e-9,
+                late_ms_max: late.wake_max_ns as f64 * 1e-6,
+                step_ms_max: late.step_max_ns as f64 * 1e-6,
+            });
         };
         *cause += late.count;
+        None
     }
 }
 
@@ -100,12 +122,16 @@ mod tests {
         disturbances.stalls.lock().unwrap_or_else(PoisonError::into_inner).push((0, 20_000_000_000, 20_001_000_000));
         disturbances.note_blow(30_000_000_000);
         let mut causes = Causes::default();
+        let mut unexplained = Vec::new();
         for from_s in [0, 10, 20, 30, 40] {
             let from_ns = from_s * 1_000_000_000;
-            let late = Late { service: "base".to_owned(), from_ns, to_ns: from_ns + 200_000_000, count: 1 };
-            disturbances.explain(&late, (Some(0), Some(80)), 0, &mut causes);
+            let (service, to_ns) = ("base".to_owned(), from_ns + 200_000_000);
+            let late = Late { service, from_ns, to_ns, count: 1, wake_max_ns: 3_000_000, step_max_ns: 0 };
+            unexplained.extend(disturbances.explain(&late, (Some(0), Some(80)), 0, &mut causes));
         }
         let counts = (causes.start, causes.host_stalled, causes.blow, causes.unexplained, causes.normal_scheduling);
         assert_eq!(counts, (1, 1, 1, 2, 0));
+        let told: Vec<_> = unexplained.iter().map(|u| (u.at_s, u.late_ms_max)).collect();
+        assert_eq!(told, [(10.2, 3.0), (40.2, 3.0)]);
     }
 }

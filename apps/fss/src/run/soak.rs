@@ -4,7 +4,7 @@
 //! seed. What is reported is what was seen from outside: in shared memory, in `/proc`, in the logs.
 
 use super::launcher::{self, Site};
-use super::overruns::{Causes, Disturbances};
+use super::overruns::{Causes, Disturbances, Unexplained};
 use super::stack::Stack;
 use super::summary::Records;
 use super::witness::{Testimony, Witness};
@@ -64,6 +64,7 @@ pub struct Soak {
     cycles: u64,
     overruns: u64,
     overruns_by_cause: Causes,
+    unexplained: Vec<Unexplained>,
     by_service: BTreeMap<String, Kept>,
     restarts: u32,
     records: u64,
@@ -227,7 +228,7 @@ impl Flight {
             for late in &found.seen.late {
                 let schedule = stack.launch.schedule(&late.service);
                 let place = schedule.map_or((None, None), |s| (s.core, s.priority));
-                disturbances.explain(late, place, start_ns, &mut soak.overruns_by_cause);
+                soak.unexplained.extend(disturbances.explain(late, place, start_ns, &mut soak.overruns_by_cause));
             }
             soak.take(&found);
             soak.shm_leaked_bytes += shared_memory_bytes(&site.bus_prefix);

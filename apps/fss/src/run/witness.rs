@@ -37,6 +37,10 @@ pub struct Late {
     pub to_ns: u64,
     /// How many.
     pub count: u64,
+    /// The latest that a step began meanwhile, ns.
+    pub wake_max_ns: u64,
+    /// The longest that one took, ns.
+    pub step_max_ns: u64,
 }
 
 /// The last command that opened a valve.
@@ -146,7 +150,8 @@ impl Witness {
             let last = self.seen.counts.insert((service.clone(), health.starts), counts).unwrap_or_default();
             let count = health.overruns.saturating_sub(last.1);
             if count > 0 {
-                self.seen.late.push(Late { service, from_ns: before, to_ns: health.stamp_ns, count });
+                let (to_ns, wake_max_ns, step_max_ns) = (health.stamp_ns, health.wake_max_ns, health.step_max_ns);
+                self.seen.late.push(Late { service, from_ns: before, to_ns, count, wake_max_ns, step_max_ns });
             }
         }
         for (service, alive_ns) in &self.alive_ns {
