@@ -8,6 +8,8 @@ use crate::measured::{Joints, Run};
 /// Angles that reports, taken together, leave open by more than this are not known, rad: what a drive does where it takes
 /// up a command stays well below.
 const OPEN_RAD: f64 = 0.02;
+/// Reports farther apart than this many times the usual are a pause of telemetry, which says nothing of the drives.
+const PAUSE: f64 = 2.0;
 /// An arm that is not in hand for longer than this is one whose model is wrong, s.
 const LONGEST_S: f64 = 3.0;
 
@@ -20,8 +22,8 @@ pub(crate) fn in_hand_from_s(run: &Run) -> Option<f64> {
     (open_s - first_s < LONGEST_S.min(0.5 * (last_s - first_s))).then_some(open_s)
 }
 
-/// For each report of a joint, how far its way since the last one is from what their rates say, rad: nothing where the
-/// acceleration is even.
+/// For each report of a joint but those after a pause, how far its way since the last one is from what their rates say, rad:
+/// nothing where the acceleration is even.
 fn open_rad(run: &Run, joints: &Joints, joint: usize) -> Vec<(f64, f64)> {
     let Some(rates) = joints.qd_rad_s.get(joint) else { return Vec::new() };
     let command = |t: f64| run.joint_command.as_ref().and_then(|c| Some((c.at(joint, t)?, c.rate_at(joint, t)?)));
@@ -33,7 +35,11 @@ fn open_rad(run: &Run, joints: &Joints, joint: usize) -> Vec<(f64, f64)> {
             (*t, q - angle, v - rate)
         })
         .collect();
-    off.windows(2).map(|w| (w[1].0, (w[1].1 - w[0].1 - 0.5 * (w[1].0 - w[0].0) * (w[0].2 + w[1].2)).abs())).collect()
+    let mut apart_s: Vec<f64> = off.windows(2).map(|w| w[1].0 - w[0].0).collect();
+    apart_s.sort_by(f64::total_cmp);
+    let longest_s = PAUSE * apart_s.get(apart_s.len() / 2).copied().unwrap_or(0.0);
+    let together = off.windows(2).filter(|w| w[1].0 - w[0].0 <= longest_s);
+    together.map(|w| (w[1].0, (w[1].1 - w[0].1 - 0.5 * (w[1].0 - w[0].0) * (w[0].2 + w[1].2)).abs())).collect()
 }
 
 #[cfg(test)]
@@ -67,6 +73,17 @@ mod tests {
         assert!(in_hand_from_s(&rest).is_none());
         assert!(rest.joints.unwrap().t_s[0] >= from_s && rest.base_pose.unwrap().t_s[0] > from_s);
         assert_eq!(rest.joint_command.unwrap().t_s.len(), 2, "what it was told stays");
+    }
+
+    #[test]
+    fn a_pause_of_telemetry_while_the_arm_moves_is_no_flung_arm() {
+        let mut run = swinging(2.0, 20.0);
+        assert_eq!(in_hand_from_s(&run), None);
+        let joints = run.joints.as_mut().unwrap();
+        for values in [&mut joints.t_s, &mut joints.q_rad[0], &mut joints.qd_rad_s[0]] {
+            values.drain(3..9);
+        }
+        assert_eq!(in_hand_from_s(&run), None);
     }
 
     #[test]
