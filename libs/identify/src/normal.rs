@@ -39,6 +39,13 @@ impl Normal {
         all
     }
 
+    /// Of some columns only.
+    pub(crate) fn of(&self, columns: &[usize]) -> Self {
+        let n = columns.len();
+        let g = DMatrix::from_fn(n, n, |i, j| self.g[(columns[i], columns[j])]);
+        Self { g, b: DVector::from_fn(n, |i, _| self.b[columns[i]]), c: self.c, freedom: self.freedom }
+    }
+
     /// With the first `count` columns taken out, normal a priori with variance `1 / prior`: they absorb what they may.
     pub(crate) fn absorbed(&self, count: usize, prior: f64) -> Self {
         if count == 0 {

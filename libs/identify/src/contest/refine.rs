@@ -192,6 +192,7 @@ impl Contest {
     pub(crate) fn refine_onset(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
         let Some(onset_s) = from.effects[which].onset_s() else { return Ok(from.clone()) };
         let width_s = self.evidence.cells.first().map_or(1.0, |c| c.to_s - c.from_s);
+        let latest_s = self.latest_onset_s();
         let chi2 = |t_s: f64| -> Result<f64, ModelError> {
             let mut effects = from.effects.clone();
             effects[which] = effects[which].clone().from_onset(t_s);
@@ -203,7 +204,7 @@ impl Contest {
             let middle = best.0;
             for k in [-1.0, -0.5, 0.5, 1.0] {
                 let t_s = middle + k * reach_s;
-                if t_s > 0.0 {
+                if t_s > 0.0 && t_s <= latest_s {
                     let now = chi2(t_s)?;
                     if now < best.1 {
                         best = (t_s, now);

@@ -36,16 +36,25 @@ impl Contest {
         best
     }
 
-    /// Times at which something could have begun: where windows begin.
+    /// Times at which something could have begun: where windows begin, but the last ones.
     fn onsets_s(&self) -> Vec<f64> {
         if self.is_chaotic() {
             return Vec::new(); // a model that is far from the noise everywhere has a beginning nowhere
         }
         let mut starts: Vec<f64> = self.evidence.cells.iter().map(|c| c.from_s).filter(|t| *t > 1.0).collect();
+        let latest_s = self.latest_onset_s();
+        starts.retain(|t| *t <= latest_s);
         starts.sort_by(f64::total_cmp);
         starts.dedup_by(|a, b| (*a - *b).abs() < 1.0);
         let stride = starts.len().div_ceil(12).max(1);
         starts.into_iter().step_by(stride).collect()
+    }
+
+    /// What begins must be seen for two windows, or what the arm does in the end of every run would be an onset.
+    pub(super) fn latest_onset_s(&self) -> f64 {
+        let ends_s = self.evidence.cells.iter().map(|c| c.to_s).fold(0.0, f64::max);
+        let longest_s = self.evidence.cells.iter().map(|c| c.to_s - c.from_s).fold(0.0, f64::max);
+        ends_s - 2.0 * longest_s + 1e-3
     }
 
     /// The screen with all causes beginning at `onset_s`.
@@ -109,14 +118,10 @@ impl Contest {
         if possible.iter().zip(value).all(|(a, b)| (a - b).abs() < 1e-12 + 1e-9 * b.abs()) {
             return (gain, effect);
         }
-        // At a bound: what the columns that stay inside still gain.
-        let columns = self.columns_of(h);
         let inside: Vec<usize> =
             (0..value.len()).filter(|i| (possible[*i] - value[*i]).abs() < 1e-12 + 1e-9 * value[*i].abs()).collect();
-        let fit = absorbed.fit(&inside.iter().map(|i| columns[*i]).collect::<Vec<_>>());
-        let mut again = vec![0.0; value.len()];
-        inside.iter().zip(fit.value.iter()).for_each(|(i, v)| again[*i] = *v);
-        (fit.gain.min(gain), hypothesis.at(&again))
+        let (at_bound, there) = at_bound(&absorbed.of(&self.columns_of(h)), &possible, &inside);
+        (gain.min(at_bound), hypothesis.at(&there))
     }
 
     /// Cosines between what is left of any two causes once the nuisances have absorbed theirs: the largest between their
@@ -127,6 +132,19 @@ impl Contest {
             if i == j { 1.0 } else { cosine(&total.g, &self.columns_of(causes[i]), &self.columns_of(causes[j])) }
         })
     }
+}
+
+/// What coordinates gain where some have reached a bound and stay there, and the others, `inside`, follow; and where they are.
+/// What counts is the bound itself, not nothing: a motor without torque, a thruster without thrust are at one.
+fn at_bound(own: &Normal, possible: &[f64], inside: &[usize]) -> (f64, Vec<f64>) {
+    let held = |i: usize| if inside.contains(&i) { 0.0 } else { possible[i] };
+    let mut there = DVector::from_fn(possible.len(), |i, _| held(i));
+    let beside = Normal { b: &own.b - &own.g * &there, ..own.clone() };
+    for (i, v) in inside.iter().zip(beside.fit(inside).value.iter()) {
+        there[*i] = *v;
+    }
+    let all: Vec<usize> = (0..possible.len()).collect();
+    (-own.change(&all, &there), there.as_slice().to_vec())
 }
 
 /// The same between what some columns can do together and what some others can.
@@ -147,4 +165,20 @@ fn cosine(products: &DMatrix<f64>, a: &[usize], b: &[usize]) -> f64 {
     };
     let between = root(block(a, a)) * block(a, b) * root(block(b, b));
     between.singular_values().max().min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_whose_best_size_is_beyond_its_bound_gains_what_the_bound_gains() {
+        // Best at -1.25, no further than -1: 25/4 is nearly kept. A second coordinate follows to where it is best then.
+        let mut own = Normal::zero(2);
+        own.g.copy_from(&DMatrix::from_row_slice(2, 2, &[4.0, 0.0, 0.0, 1.0]));
+        own.b.copy_from(&DVector::from_row_slice(&[-5.0, 2.0]));
+        let (gain, there) = at_bound(&own, &[-1.0, 2.0], &[1]);
+        assert!((gain - (6.0 + 4.0)).abs() < 1e-9, "{gain}");
+        assert_eq!(there, [-1.0, 2.0]);
+    }
 }
