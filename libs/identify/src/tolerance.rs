@@ -37,9 +37,9 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
     // Accelerations that a levelled table and a calm room leave.
     let (shift, turn) = (1e-5, 1e-5);
     let sd = match effect.id() {
-        "clock_offset" | "thruster_delay" | "thruster_rise_time" | "gyro_scale" => vec![1e-3],
-        // A link's own clock is known by when its datagrams arrive.
-        "link_latency" => vec![5e-4],
+        // A link takes up a command when its datagram comes, which varies by a millisecond, and moves as it likes between two
+        // reports: latencies of 9 to 15 ms came out a millisecond off in blind games.
+        "clock_offset" | "link_latency" | "thruster_delay" | "thruster_rise_time" | "gyro_scale" => vec![1e-3],
         "encoder_offset" | "encoder_scale" | "marker_yaw" => vec![2e-4],
         "gyro_bias" | "drive_kinematic_error" => vec![5e-5],
         "marker_offset" | "base_com" => vec![1e-4; 2],

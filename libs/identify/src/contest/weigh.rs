@@ -3,6 +3,7 @@
 use super::select::{Alternative, Taken, unit};
 use super::{Contest, Refined};
 use crate::normal::Normal;
+use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
 use nalgebra::DVector;
 use std::collections::BTreeSet;
@@ -38,11 +39,18 @@ impl Contest {
                 std[0] = std[0].hypot(STROKE_SHARE * effect.values()[0]);
             }
             let without = self.refine_without(after, i)?;
-            let is_other = |r: &&Refined| !self.hypotheses[*h].is_same_cause(&self.hypotheses[r.hypotheses[i]]);
-            let others: Vec<&Refined> = rivals[i].iter().filter(is_other).collect();
             let scale = 2.0 * TEMPER * unit(after).max(1.0);
             let weight = |r: &Refined| (-(Self::cost(r) - Self::cost(after)) / scale).exp();
-            let total = 1.0 + others.iter().copied().map(weight).sum::<f64>();
+            // At another shape it is the same cause, and as much more probable.
+            let own = &self.hypotheses[*h];
+            let is_own = |r: &Refined| {
+                let other = &self.hypotheses[r.hypotheses[i]];
+                own.is_same_cause(other) || (own.has_shape && own.is_of(&other.nominal))
+            };
+            let at_other_shapes = rivals[i].iter().filter(|r| is_own(r) && r.hypotheses[i] != *h);
+            let here = 1.0 + at_other_shapes.map(weight).sum::<f64>();
+            let others: Vec<&Refined> = rivals[i].iter().filter(|r| !is_own(r)).collect();
+            let total = here + others.iter().copied().map(weight).sum::<f64>();
             let mut alternatives: Vec<Alternative> = others
                 .iter()
                 .map(|r| Alternative { effect: r.effects[i].clone(), probability: weight(r) / total })
@@ -53,7 +61,7 @@ impl Contest {
             taken.push(Taken {
                 effect: effect.clone(),
                 std,
-                probability: (is_there(clearness[i]) / total).min(SUREST),
+                probability: (is_there(clearness[i]) * here / total).min(SUREST),
                 gain: (without.chi2 - after.chi2) / unit(after),
                 kept: self.kept(after, i),
                 alternatives,
@@ -63,7 +71,8 @@ impl Contest {
         Ok(taken)
     }
 
-    /// How many of its standard deviations each cause is away from nothing, in its clearest parameter.
+    /// How many of its standard deviations each cause is away from nothing, in its clearest parameter. What goes without saying
+    /// is among these deviations already where it is there from the start; of what begins later it need not be the same before.
     pub(super) fn clearness(&self, after: &Refined) -> Vec<f64> {
         let spread = self.spread(after);
         let of = |which: usize| {
@@ -75,9 +84,11 @@ impl Contest {
             let (values, nominal) = (effect.values(), hypothesis.nominal.values());
             // The first parameter of an effect with a shape is its strength; the others are sizes themselves.
             let counted = if hypothesis.has_shape { 1 } else { values.len() };
+            let unsaid = effect.onset_s().and_then(|_| unsaid(hypothesis, &self.trial.plant)).unwrap_or_default();
             let away = |k: usize| {
                 let off = if hypothesis.is_compliance() { 1.0 / values[k] } else { values[k] - nominal[k] };
-                off.abs() / spread[own.start + k].max(1e-300)
+                let sd = spread[own.start + k].hypot(unsaid.get(k).copied().unwrap_or(0.0));
+                off.abs() / sd.max(1e-300)
             };
             (0..counted).map(away).fold(0.0, f64::max)
         };
