@@ -194,6 +194,7 @@ impl Contest {
         };
         !idle
             && stands_apart(next, last)
+            && !is_behind_play(&next.effects, last)
             && self.sides_agree(next, last)
             && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
             && is_wide(&next.effects[last])
@@ -257,7 +258,10 @@ impl Contest {
                 let mut rivals = self.rivals_of(after, i, &without, contests)?;
                 rivals.retain(|r| {
                     let effect = &r.effects[i];
-                    self.is_worth_saying(r.hypotheses[i], effect) && is_wide(effect) && stands_apart(r, i)
+                    self.is_worth_saying(r.hypotheses[i], effect)
+                        && is_wide(effect)
+                        && stands_apart(r, i)
+                        && !is_behind_play(&r.effects, i)
                 });
                 Ok(rivals)
             })
@@ -314,6 +318,16 @@ fn is_wide(effect: &Effect) -> bool {
     effect.id() != "joint_backlash" || effect.values()[0] > LEAST_PLAY_RAD
 }
 
+/// Whether a cause is one that only a motor's current shows, of a joint that has play. While its teeth are apart a motor turns
+/// alone, and its current tells nothing of what the link gets: it looks like a motor without torque, or without friction.
+fn is_behind_play(effects: &[Effect], which: usize) -> bool {
+    const BY_CURRENT: [&str; 4] =
+        ["torque_constant", "joint_coulomb_friction", "joint_viscous_friction", "joint_stribeck_friction"];
+    let own = &effects[which];
+    let has_play = |other: &Effect| other.id() == "joint_backlash" && other.index() == own.index();
+    BY_CURRENT.contains(&own.id()) && effects.iter().any(has_play)
+}
+
 /// Whether one of several causes does something else than the others together, where they are.
 fn stands_apart(refined: &Refined, which: usize) -> bool {
     let own: Vec<usize> = refined.columns_of(which).collect();
@@ -332,4 +346,19 @@ fn least_gain(effect: &Effect) -> f64 {
 /// What noise and everything unexplained make of one degree of freedom.
 pub(super) fn unit(refined: &Refined) -> f64 {
     (refined.chi2 / refined.freedom.max(1.0)).max(0.8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_only_a_current_shows_is_not_told_beside_play_of_the_same_joint() -> Result<(), fss_plant::EffectError> {
+        let play = Effect::new("joint_backlash")?.at(1);
+        let motor = |joint: usize| Ok::<_, fss_plant::EffectError>(Effect::new("torque_constant")?.at(joint));
+        assert!(is_behind_play(&[play.clone(), motor(1)?], 1));
+        assert!(!is_behind_play(&[play.clone(), motor(2)?], 1));
+        assert!(!is_behind_play(&[play, motor(1)?], 0), "the play itself is told");
+        Ok(())
+    }
 }
