@@ -16,7 +16,7 @@ const CONSISTENT: f64 = 1.25;
 /// RMS of one channel in one run over its noise, below which nothing is said of it.
 const CONSISTENT_CHANNEL: f64 = 1.6;
 /// Mean square beyond which something is left that no cause explains.
-const ALL_EXPLAINED: f64 = 1.5;
+pub(crate) const ALL_EXPLAINED: f64 = 1.5;
 /// Mean square beyond which names are given only to what explains most of the misfit.
 const DOUBTFUL: f64 = 2.0;
 /// Share of the misfit that causes must explain then.
@@ -51,6 +51,15 @@ impl Verdict {
             Self::Explained => "explained",
             Self::PartlyExplained => "partly_explained",
             Self::Unexplained => "unexplained",
+        }
+    }
+
+    /// What explains the runs that were fitted must explain others too: there nothing has counted for noise that is none.
+    fn after_validation(self, gain: Gain) -> Self {
+        match self {
+            Self::Consistent if gain.after.powi(2) > ALL_EXPLAINED => Self::Unexplained,
+            Self::Explained if gain.after.powi(2) > ALL_EXPLAINED => Self::PartlyExplained,
+            other => other,
         }
     }
 }
@@ -217,6 +226,7 @@ pub fn diagnose(
     } else {
         Gain { before: overall(&validation_before), after: overall(&validation_after) }
     };
+    let verdict = verdict.after_validation(gain);
     let unexplained = match verdict {
         Verdict::Unexplained | Verdict::PartlyExplained => {
             progress("looking at what is left");
