@@ -1,7 +1,6 @@
 //! `fss diagnose`: where the simulation is wrong, what causes it, and what knowing it is worth.
 
 mod answer;
-pub mod commands;
 pub mod log;
 mod page;
 pub mod read;

@@ -27,8 +27,11 @@ const SHAPED: &[&str] = &[
     "drive_kinematic_error",
     "joint_backlash",
 ];
-/// Wind-up of a drive at which its sensitivity is taken, rad/(N m).
-const COMPLIANCE_RAD_N_M: f64 = 1e-3;
+/// Wind-up of a drive per torque at which its sensitivity is taken, rad/(N m): one that follows its torque at once, and some at
+/// which its link swings, each in its own time.
+const COMPLIANCES_RAD_N_M: [f64; 4] = [2e-4, 1.5e-3, 5e-3, 1.5e-2];
+/// The same around a drive that is elastic already, share of its own.
+const COMPLIANCE_STEP: f64 = 0.05;
 /// Periods a turn at which a drive's kinematic error is looked for.
 const CYCLES: &[f64] = &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 /// Widths of a drive's play at which it is looked for, rad: how long a link takes from one side to the other is no matter of proportion.
@@ -57,6 +60,14 @@ fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
     let probed_at = |probe: Effect| Hypothesis { nominal: nominal.clone(), probe, has_shape, is_discrete };
     if about.id == "joint_backlash" {
         return PLAYS_RAD.iter().map(|gap| probed_at(nominal.clone().with(&[*gap]))).collect();
+    }
+    if about.id == "joint_flexibility" {
+        // Where its link swings, what a drive does is no matter of proportion: it has a shape.
+        let at = |(i, compliance): (usize, &f64)| Hypothesis {
+            has_shape: i > 0,
+            ..probed_at(nominal.clone().with(&[1.0 / compliance]))
+        };
+        return COMPLIANCES_RAD_N_M.iter().enumerate().map(at).collect();
     }
     if about.id == "drive_kinematic_error" {
         let at = |cycles: &f64| {
@@ -144,8 +155,10 @@ impl Hypothesis {
             return vec![(None, self.nominal.clone(), 1.0)];
         }
         if self.is_compliance() {
-            let stiffness_n_m_rad = 1.0 / (1.0 / self.nominal.values()[0] + COMPLIANCE_RAD_N_M);
-            return vec![(None, self.with(&[stiffness_n_m_rad]), COMPLIANCE_RAD_N_M)];
+            let own = 1.0 / self.nominal.values()[0];
+            let probed = 1.0 / self.probe.values()[0];
+            let step = if probed > own { probed - own } else { COMPLIANCE_STEP * own };
+            return vec![(None, self.with(&[1.0 / (own + step)]), step)];
         }
         let parameters = self.nominal.about().parameters;
         (0..self.size())

@@ -1,6 +1,7 @@
 //! Where a simulation differs from what was measured, and why.
 //!
 //! - [`calibrate`]: parameters of the plant from measured runs.
+//! - [`commands`]: commands of a flight, played again on a simulation.
 //! - [`measured`]: the runs of an experiment as plain series.
 //! - [`smoother`]: joint motion between slow telemetry.
 //! - [`workspace`]: reach and manipulability.
@@ -11,6 +12,7 @@
 
 pub mod calibrate;
 mod clamped;
+pub mod commands;
 mod contest;
 pub mod diagnosis;
 mod evidence;

@@ -1,5 +1,7 @@
 //! The runs of an experiment as plain series. SI units, radians, seconds from the start of the run.
 
+use crate::commands::Commands;
+
 /// One run; a channel that was not measured is `None`.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
@@ -15,6 +17,8 @@ pub struct Run {
     pub joints: Option<Joints>,
     /// Angles that the drivers were told to follow, rad; one series a joint.
     pub joint_command: Option<Many>,
+    /// What the drivers were told and when, where a log has it: from it their motion is simulated where drives are elastic.
+    pub commands: Option<Commands>,
     /// Commanded valve states, held until the next row.
     pub valves: Vec<(f64, Vec<bool>)>,
     /// What drives the joints.

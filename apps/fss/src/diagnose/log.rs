@@ -7,7 +7,7 @@
 //! handed on as the joints' command is the motion that the plant's own drivers would make of it: the smooth part of what
 //! telemetry, as slow as the commands, cannot show.
 
-use super::commands::Commands;
+use fss_identify::commands::Commands;
 use fss_identify::measured::{self, Drive, Joints, Poses, Run, Series};
 use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Posture, Sample, ThrustersState, topic};
 use fss_plant::{JointCommand, Plant};
@@ -139,8 +139,9 @@ impl Record {
         let name = if path.file_name().is_some_and(|file| file == LOG_FILE) { path.parent() } else { Some(path) };
         let name = name.and_then(Path::file_stem).map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let joints = self.joints();
+        let commands = joints.as_ref().map(|joints| self.commands(joints));
         let joint_command =
-            joints.as_ref().map(|joints| self.commands(joints).carried_out(plant)).transpose().into_diagnostic()?;
+            commands.as_ref().map(|commands| commands.carried_out(plant)).transpose().into_diagnostic()?;
         Ok(Run {
             name,
             base_pose: self.poses(&self.base),
@@ -149,6 +150,7 @@ impl Record {
             drive: if self.arm.is_empty() { Drive::Free } else { Drive::Servo },
             joints,
             joint_command,
+            commands,
             valves: self.openings(),
             postures: self.postures(),
         })

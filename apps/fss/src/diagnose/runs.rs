@@ -61,6 +61,7 @@ fn run(e: &Experiment) -> Run {
             .joint_command
             .as_ref()
             .map(|t| Many { t_s: t.t_s.clone(), values: owned(&t.numbered("q", "_rad")) }),
+        commands: None,
         valves: e.valves.as_ref().map_or_else(Vec::new, valves),
         drive: match e.joint_mode {
             JointMode::Position | JointMode::Velocity => Drive::Servo,

@@ -4,11 +4,13 @@
 //! drive's kinematic error, its wind-up and its play. Wind-up follows the torque that the drive passes on, which the motion
 //! itself tells. Within its play the link goes on as it was, until the motor's teeth take it along again.
 
+use super::swing::Swings;
 use super::telemetry::{Reading, readings};
 use super::torque::free_inertia;
 use crate::measured::Run;
+use crate::trial::Trial;
 use fss_multibody::{Coordinates, JointVector, Model, State};
-use fss_plant::{Grid, JointPhysics, JointSample, Plant, Rollout, Servo, ValveHistory};
+use fss_plant::{Grid, JointPhysics, JointSample, Rollout, Servo, ValveHistory};
 use nalgebra::Vector3;
 
 /// Share of its speed with which a link comes back from the motor's teeth. Chosen among 0 to 0.5 as what predicted the validation
@@ -32,6 +34,7 @@ pub(crate) struct Arm {
     ages_s: Vec<f64>,
     readings: Vec<Vec<Reading>>,
     loads: Vec<Load>,
+    swings: Swings,
 }
 
 /// What a drive carries where it follows its motor.
@@ -46,14 +49,16 @@ struct Load {
 }
 
 impl Arm {
-    pub(crate) fn new(plant: &Plant, rollout: &Rollout, run: &Run, grid_s: Vec<f64>) -> Self {
+    pub(crate) fn new(trial: &Trial, rollout: &Rollout, run: &Run, grid_s: Vec<f64>) -> Self {
+        let plant = &trial.plant;
         let physics = rollout.physics(0.0);
         let ages_s: Vec<f64> = (0..plant.link_count()).map(|i| physics.sensors.link_age_s(i)).collect();
         let readings = (0..plant.link_count())
             .map(|i| readings(run, i, &plant.sensors, &|t| rollout.physics(t).sensors.link_age_s(i), &grid_s))
             .collect();
-        let mut arm = Self { grid_s, ages_s, readings, loads: Vec::new() };
-        let motion = arm.motion(plant, rollout, run);
+        let swings = Swings::new(trial, ages_s.clone());
+        let mut arm = Self { grid_s, ages_s, readings, loads: Vec::new(), swings };
+        let motion = arm.motion(trial, rollout, run);
         if let Ok(model) = physics.model(0.0) {
             let pushes = pushes(rollout, run, &arm.grid_s, &motion);
             let moments = motion.samples.iter().zip(&motion.acceleration).zip(&pushes);
@@ -64,8 +69,9 @@ impl Arm {
     }
 
     /// The motion of the links where `rollout` is what really acts.
-    pub(crate) fn motion(&self, plant: &Plant, rollout: &Rollout, run: &Run) -> ArmMotion {
+    pub(crate) fn motion(&self, trial: &Trial, rollout: &Rollout, run: &Run) -> ArmMotion {
         let n = self.grid_s.len();
+        let swing = self.swings.of(trial, run, &self.grid_s);
         let mut out = ArmMotion {
             samples: vec![JointSample { q_rad: JointVector::zeros(), qd_rad_s: JointVector::zeros() }; n],
             acceleration: vec![JointVector::zeros(); n],
@@ -74,9 +80,11 @@ impl Arm {
         for joint in 0..self.ages_s.len() {
             let age = |t: f64| rollout.physics(t).sensors.link_age_s(joint);
             let moved = self.grid_s.iter().step_by(50).any(|t| (age(*t) - self.ages_s[joint]).abs() > 1e-12);
-            let fresh = moved.then(|| readings(run, joint, &plant.sensors, &age, &self.grid_s));
-            let readings = fresh.as_ref().unwrap_or(&self.readings[joint]);
-            let mut links: Vec<f64> = Vec::with_capacity(n);
+            let (told, known) =
+                swing.as_ref().map_or((run, &self.readings[joint]), |s| (&s.expected, &s.readings[joint]));
+            let fresh = moved.then(|| readings(told, joint, &trial.plant.sensors, &age, &self.grid_s));
+            let readings = fresh.as_ref().unwrap_or(known);
+            let mut beyond: Vec<f64> = Vec::with_capacity(n);
             let mut play = Play::default();
             for (k, reading) in readings.iter().enumerate() {
                 let physics = rollout.physics(self.grid_s[k]);
@@ -86,40 +94,38 @@ impl Arm {
                 let load = self.loads.get(k);
                 let (torque, free) = load.map_or((0.0, 0.0), |l| (l.torque[joint], l.free_acceleration[joint]));
                 play.advance(self.grid_s[k] - self.grid_s[k.saturating_sub(1)], free, drive.backlash_rad);
-                links.push(link_angle(drive, &physics.servos[joint], m, torque) + play.ahead_rad);
-                out.samples[k].q_rad[joint] = links[k];
-                out.samples[k].qd_rad_s[joint] = motor(1);
-                out.acceleration[k][joint] = motor(2);
+                let swung = swing.as_ref().and_then(|s| s.ahead(joint, k, drive));
+                let wound = if swung.is_some() { 0.0 } else { wind_up(drive, &physics.servos[joint], torque) };
+                let ahead = drive.kinematic_error_rad * (drive.kinematic_cycles * m).sin() + play.ahead_rad - wound;
+                beyond.push(ahead);
+                let [angle, rate, acceleration] = swung.unwrap_or_default();
+                out.samples[k].q_rad[joint] = m + ahead + angle;
+                out.samples[k].qd_rad_s[joint] = motor(1) + rate;
+                out.acceleration[k][joint] = motor(2) + acceleration;
                 for i in 0..3 {
                     out.variance[k][i][joint] = reading.variance[i];
                 }
             }
-            self.differentiate(rollout, joint, readings, &links, &mut out);
+            self.differentiate(rollout, joint, &beyond, &mut out);
         }
         out
     }
 
-    /// Rates of the links where these do not simply follow the motors.
-    fn differentiate(&self, rollout: &Rollout, joint: usize, readings: &[Reading], links: &[f64], out: &mut ArmMotion) {
-        let n = links.len();
-        for k in 1..n.saturating_sub(1) {
+    /// Adds the rates at which links get ahead of their motors.
+    fn differentiate(&self, rollout: &Rollout, joint: usize, beyond: &[f64], out: &mut ArmMotion) {
+        for k in 1..beyond.len().saturating_sub(1) {
             let drive = &rollout.physics(self.grid_s[k]).joints[joint];
             if drive.is_elastic() || drive.kinematic_error_rad != 0.0 {
-                let beyond = |i: usize| links[i] - readings[i].value[0] / drive.encoder_scale;
                 let dt = self.grid_s[k + 1] - self.grid_s[k - 1];
-                out.samples[k].qd_rad_s[joint] += (beyond(k + 1) - beyond(k - 1)) / dt;
+                out.samples[k].qd_rad_s[joint] += (beyond[k + 1] - beyond[k - 1]) / dt;
             }
         }
     }
 }
 
-/// Angle of the link where its motor stands at `motor` and the drive passes on `torque`, in the middle of its play.
-fn link_angle(drive: &JointPhysics, servo: &Servo, motor: f64, torque: f64) -> f64 {
-    let mut link = motor + drive.kinematic_error_rad * (drive.kinematic_cycles * motor).sin();
-    if drive.is_elastic() {
-        link -= torque / drive.stiffness_n_m_rad.unwrap_or(servo.gear_stiffness_n_m_rad);
-    }
-    link
+/// How far an elastic drive that passes on `torque` is wound up, rad.
+fn wind_up(drive: &JointPhysics, servo: &Servo, torque: f64) -> f64 {
+    if drive.is_elastic() { torque / drive.stiffness_n_m_rad.unwrap_or(servo.gear_stiffness_n_m_rad) } else { 0.0 }
 }
 
 /// Where a link is within its play.

@@ -2,6 +2,7 @@
 
 mod arm;
 mod layout;
+mod swing;
 mod telemetry;
 mod torque;
 
@@ -44,8 +45,8 @@ impl Floating {
         let last_s = poses.t_s[poses.t_s.len() - 1] + MARGIN_S;
         let halves = (2.0 * (last_s - start_s) / STEP_S).ceil() as usize + 4;
         let grid_s: Vec<f64> = (0..halves).map(|k| start_s + 0.5 * STEP_S * k as f64).collect();
-        let arm = Arm::new(&trial.plant, &rollout, run, grid_s);
-        let motion = Arc::new(arm.motion(&trial.plant, &rollout, run));
+        let arm = Arm::new(trial, &rollout, run, grid_s);
+        let motion = Arc::new(arm.motion(trial, &rollout, run));
         let channels = layout::channels(trial.plant.link_count());
         let windows = layout::windows(&trial.plant, run, window_s, start_s);
         let spans = windows.iter().map(|w| w.span(&trial.plant, &rollout, run, &motion, start_s)).collect();
@@ -94,7 +95,7 @@ impl Record for Floating {
         let motion = if arm_effects(&trial.effects) == self.arm_effects {
             Arc::clone(&self.motion)
         } else {
-            Arc::new(self.arm.motion(&trial.plant, &rollout, &self.run))
+            Arc::new(self.arm.motion(trial, &rollout, &self.run))
         };
         Ok(Box::new(FloatingFlight { record: self, plant: trial.plant.clone(), rollout, motion }))
     }

@@ -1,6 +1,6 @@
 //! Commands of a flight, played again on a simulation.
 
-use fss_identify::measured::Many;
+use crate::measured::Many;
 use fss_multibody::ModelError;
 use fss_plant::{JointCommand, Plant, Simulation};
 
@@ -10,6 +10,19 @@ const MOVE_ON_S: f64 = 0.4;
 const STEP_S: f64 = 1e-3;
 /// Between the rows of the joints' motion, in such steps.
 const ROW_STEPS: usize = 10;
+/// The same where links swing on their drives.
+const SWING_ROW_STEPS: usize = 5;
+
+/// How motors, and links on elastic drives, carry out commands.
+#[derive(Clone, Debug, Default)]
+pub struct CarriedOut {
+    /// Encoder angles, rad.
+    pub encoder: Many,
+    /// Angle of each link less that of its motor, rad.
+    pub ahead: Many,
+    /// Its rate, rad/s.
+    pub ahead_rate: Many,
+}
 
 /// What was commanded in a flight, and from where it began.
 #[derive(Clone, Debug)]
@@ -74,6 +87,28 @@ impl Commands {
             out.t_s.push(simulation.t_s());
             for (i, values) in out.values.iter_mut().enumerate() {
                 values.push(simulation.encoder_rad(i));
+            }
+        })?;
+        Ok(out)
+    }
+
+    /// What the plant's own drivers make of the commands where drives are elastic and links swing on them.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible.
+    pub fn swung(&self, plant: &Plant) -> Result<CarriedOut, ModelError> {
+        let empty = || Many { t_s: Vec::new(), values: vec![Vec::new(); self.joints.len()] };
+        let mut out = CarriedOut { encoder: empty(), ahead: empty(), ahead_rate: empty() };
+        let still = Plant { disturbance: None, ..plant.clone() };
+        self.play(&still, 0, SWING_ROW_STEPS, |simulation| {
+            let truth = simulation.truth();
+            for (many, value) in [
+                (&mut out.encoder, truth.motor_rad),
+                (&mut out.ahead, std::array::from_fn(|i| truth.q_rad[i] - truth.motor_rad[i])),
+                (&mut out.ahead_rate, std::array::from_fn(|i| truth.qd_rad_s[i] - truth.motor_rad_s[i])),
+            ] {
+                many.t_s.push(truth.t_s);
+                many.values.iter_mut().zip(value).for_each(|(values, value)| values.push(value));
             }
         })?;
         Ok(out)
