@@ -27,9 +27,10 @@ const SHAPED: &[&str] = &[
     "drive_kinematic_error",
     "joint_backlash",
 ];
-/// Wind-up of a drive per torque at which its sensitivity is taken, rad/(N m): one that follows its torque at once, and some at
-/// which its link swings, each in its own time.
-const COMPLIANCES_RAD_N_M: [f64; 4] = [2e-4, 1.5e-3, 5e-3, 1.5e-2];
+/// Wind-up of a drive per torque at which its sensitivity is taken, rad/(N m): it follows its torque at once.
+const COMPLIANCE_RAD_N_M: f64 = 2e-4;
+/// The same of drives on which links swing, each in its own time.
+const SWINGING_RAD_N_M: [f64; 3] = [1.5e-3, 5e-3, 1.5e-2];
 /// The same around a drive that is elastic already, share of its own.
 const COMPLIANCE_STEP: f64 = 0.05;
 /// Periods a turn at which a drive's kinematic error is looked for.
@@ -62,12 +63,7 @@ fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
         return PLAYS_RAD.iter().map(|gap| probed_at(nominal.clone().with(&[*gap]))).collect();
     }
     if about.id == "joint_flexibility" {
-        // Where its link swings, what a drive does is no matter of proportion: it has a shape.
-        let at = |(i, compliance): (usize, &f64)| Hypothesis {
-            has_shape: i > 0,
-            ..probed_at(nominal.clone().with(&[1.0 / compliance]))
-        };
-        return COMPLIANCES_RAD_N_M.iter().enumerate().map(at).collect();
+        return vec![probed_at(nominal.clone().with(&[1.0 / COMPLIANCE_RAD_N_M]))];
     }
     if about.id == "drive_kinematic_error" {
         let at = |cycles: &f64| {
@@ -78,6 +74,22 @@ fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
         return CYCLES.iter().map(at).collect();
     }
     vec![probed_at(if has_shape { strong(nominal.clone()) } else { nominal.clone() })]
+}
+
+/// Drives so soft that their links swing, where logs tell what these were told.
+pub(crate) fn swinging(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
+    if plant.base.clamped || runs.iter().all(|run| run.commands.is_none()) {
+        return Vec::new();
+    }
+    let drives = effects::candidates(plant).into_iter().filter(|e| e.id() == "joint_flexibility");
+    // What a swing does is no matter of proportion: it has a shape.
+    let at = |nominal: &Effect, compliance: f64| Hypothesis {
+        nominal: nominal.clone(),
+        probe: nominal.clone().with(&[1.0 / compliance]),
+        has_shape: true,
+        is_discrete: false,
+    };
+    drives.flat_map(|nominal| SWINGING_RAD_N_M.map(|compliance| at(&nominal, compliance))).collect()
 }
 
 /// Whether anything in these runs could ever show the effect.

@@ -90,8 +90,20 @@ impl Contest {
         if contest.is_chaotic() {
             contest.settle(runs)?;
         }
-        contest.loosen();
+        contest.loosen(runs)?;
         Ok(contest)
+    }
+
+    /// Asks about more causes, none of which goes without saying.
+    fn ask_too(&mut self, more: Vec<Hypothesis>) -> Result<(), ModelError> {
+        let known = self.hypotheses.len();
+        self.hypotheses.extend(more);
+        self.order = Order::new(&self.trial.plant, &self.uncertain, &self.hypotheses);
+        for columns in &mut self.columns {
+            columns.resize_horizontally_mut(self.order.width, 0.0);
+        }
+        let fresh: Vec<usize> = (known..self.hypotheses.len()).collect();
+        self.linearize(&[], &fresh)
     }
 
     /// Fits the windows' own unknowns anew under the plant with these effects, and asks there how uncertain values and some

@@ -1,8 +1,11 @@
 //! What no cause explains: how far each sensor, and the room's air, are beyond what they should be.
 
 use super::{Contest, Refined};
+use crate::hypothesis::swinging;
+use crate::measured::Run;
 use crate::normal::Normal;
 use crate::trial::Whitened;
+use fss_multibody::ModelError;
 use nalgebra::DVector;
 use std::collections::BTreeMap;
 
@@ -122,22 +125,17 @@ impl Contest {
     /// Where all causes of the catalogue together leave a channel noisier than its sensor, the rest is taken for noise too:
     /// servos, say, that move between two reports otherwise than they were told. Not so of the base's own motion, which
     /// is what everything is judged by.
-    pub(super) fn loosen(&mut self) {
+    pub(super) fn loosen(&mut self, runs: &[Run]) -> Result<(), ModelError> {
         if self.is_chaotic() {
-            return;
+            return Ok(());
         }
-        let width = self.width();
-        let mut all = Normal::sum(width, self.screen.iter());
-        for i in 0..width {
-            let prior = if i < self.nuisance_count { self.unit } else { 1e-6 * all.g[(i, i)].max(1e-12) };
-            all.g[(i, i)] += prior;
-        }
-        let Some(factor) = all.g.cholesky() else { return };
-        let value = factor.solve(&all.b);
-        let left: Vec<DVector<f64>> =
-            self.evidence.cells.iter().zip(&self.columns).map(|(cell, j)| &cell.residual - j * &value).collect();
-        let scatter = self.scatter(&left);
+        let Some(mut scatter) = self.scatter_of_the_rest() else { return Ok(()) };
         self.shaken = self.shaken_gyro(&scatter);
+        if self.shaken.is_some() {
+            // What shakes it may be links that swing, which is dear to ask about.
+            self.ask_too(swinging(&self.trial.plant, runs))?;
+            scatter = self.scatter_of_the_rest().unwrap_or(scatter);
+        }
         let noisy: BTreeMap<(usize, usize), f64> = scatter
             .into_iter()
             .filter(|((record, channel), scatter)| {
@@ -158,5 +156,20 @@ impl Contest {
             cell.weigh(weights);
         }
         self.sum_up();
+        Ok(())
+    }
+
+    /// The mean squares of what all causes of the catalogue together leave, by run and channel.
+    fn scatter_of_the_rest(&self) -> Option<BTreeMap<(usize, usize), Scatter>> {
+        let width = self.width();
+        let mut all = Normal::sum(width, self.screen.iter());
+        for i in 0..width {
+            let prior = if i < self.nuisance_count { self.unit } else { 1e-6 * all.g[(i, i)].max(1e-12) };
+            all.g[(i, i)] += prior;
+        }
+        let value = all.g.cholesky()?.solve(&all.b);
+        let left: Vec<DVector<f64>> =
+            self.evidence.cells.iter().zip(&self.columns).map(|(cell, j)| &cell.residual - j * &value).collect();
+        Some(self.scatter(&left))
     }
 }

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// damped sooner than anything is measured.
 const STIFF_N_M_RAD: f64 = 3000.0;
 /// So many simulations are remembered: a contest asks for the same again and again.
-const REMEMBERED: usize = 12;
+const REMEMBERED: usize = 6;
 
 /// A run's arm on elastic drives.
 pub(super) struct Swings {
