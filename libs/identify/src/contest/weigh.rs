@@ -22,6 +22,9 @@ const OFF_BY: f64 = 1.3;
 /// What a stroke of play does hangs on how its link comes back from the teeth, which nothing tells: its width is known to
 /// this share at best.
 const STROKE_SHARE: f64 = 0.1;
+/// A servo is in line with the drive that it swings on, and tuned to some hundredths as its plant file says: stiffness is known
+/// to this share at best.
+const TUNING_SHARE: f64 = 0.02;
 
 impl Contest {
     /// Each taken cause with its standard deviations, its rivals and its probability among them.
@@ -34,6 +37,9 @@ impl Contest {
             if self.hypotheses[*h].is_compliance() {
                 // Fitted by its inverse.
                 std[0] *= effect.values()[0].powi(2);
+                if self.shaken.is_some() {
+                    std[0] = std[0].hypot(TUNING_SHARE * effect.values()[0]);
+                }
             }
             if effect.id() == "joint_backlash" {
                 std[0] = std[0].hypot(STROKE_SHARE * effect.values()[0]);
