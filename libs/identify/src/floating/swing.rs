@@ -8,7 +8,7 @@ use super::telemetry::{Reading, readings};
 use crate::measured::{Many, Run};
 use crate::trial::Trial;
 use fss_plant::{Effect, JointPhysics, Plant};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A drive stiffer than this follows its torque at once, N m/rad: its link swings faster than the simulation's steps, and is
 /// damped sooner than anything is measured.
@@ -16,12 +16,15 @@ const STIFF_N_M_RAD: f64 = 3000.0;
 /// So many simulations are remembered: a contest asks for the same again and again.
 const REMEMBERED: usize = 6;
 
+/// What became of drives: `None` where the plant with them is impossible.
+type Known = (Vec<Effect>, Option<Arc<Swing>>);
+
 /// A run's arm on elastic drives.
 pub(super) struct Swings {
     /// The plant without elastic drives.
     plant: Plant,
     ages_s: Vec<f64>,
-    known: Mutex<Vec<(Vec<Effect>, Option<Arc<Swing>>)>>,
+    known: Mutex<Vec<Known>>,
 }
 
 /// One simulation of it on a grid, as telemetry corrects it.
@@ -66,7 +69,7 @@ impl Swings {
         swing
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<(Vec<Effect>, Option<Arc<Swing>>)>> {
+    fn lock(&self) -> MutexGuard<'_, Vec<Known>> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
