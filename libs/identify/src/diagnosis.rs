@@ -165,20 +165,13 @@ pub fn diagnose(
     let (plant, runs, validation) = (&plant, &runs[..], &validation[..]);
     let windows = Windows::suited_to(plant, runs);
     progress("simulating every cause");
-    let mut contest = Contest::new(plant, &[], runs, windows)?;
+    let mut contest = Contest::new(plant, runs, windows)?;
     if contest.evidence.cells.is_empty() {
         return Ok(nothing_to_say(plant, remarks));
     }
     // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
     let first = if plant.base.clamped { 1 } else { MOST_CAUSES };
     let mut selection = contest.select(first, progress)?;
-    let soft = soft_drives(&selection);
-    if !soft.is_empty() && contest.shaken.is_some() {
-        // How sure an arm's motion is between two reports was judged as if it did not swing.
-        progress("simulating every cause once more");
-        contest = Contest::new(plant, &soft, runs, windows)?;
-        selection = contest.select(first, progress)?;
-    }
     let unit = mean_square(&selection.after);
     // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
     if unit > DOUBTFUL {
@@ -294,11 +287,6 @@ fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
         settled: Vec::new(),
         extended: plant.clone(),
     }
-}
-
-/// The elastic drives among what was taken.
-fn soft_drives(selection: &Selection) -> Vec<Effect> {
-    selection.after.effects.iter().filter(|e| e.id() == "joint_flexibility").cloned().collect()
 }
 
 fn mean_square(refined: &Refined) -> f64 {

@@ -63,14 +63,14 @@ pub(crate) struct Cell {
 }
 
 impl Evidence {
-    /// Cuts the runs into windows, their noise being what it is under `likely`, and fits each window's own unknowns under `trial`.
-    pub(crate) fn gather(likely: &Trial, trial: &Trial, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
+    /// Cuts the runs into windows and fits each window's own unknowns under `trial`.
+    pub(crate) fn gather(trial: &Trial, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
         let mut records: Vec<Box<dyn Record>> = Vec::new();
         for run in runs {
             if trial.plant.base.clamped {
-                records.extend(Clamped::new(likely, run, windows.arm_s).map(|r| Box::new(r) as Box<dyn Record>));
+                records.extend(Clamped::new(trial, run, windows.arm_s).map(|r| Box::new(r) as Box<dyn Record>));
             } else {
-                records.extend(Floating::new(likely, run, windows.base_s)?.map(|r| Box::new(r) as Box<dyn Record>));
+                records.extend(Floating::new(trial, run, windows.base_s)?.map(|r| Box::new(r) as Box<dyn Record>));
             }
         }
         let cells = cells(&records, trial, &[], ROUNDS)?;

@@ -76,8 +76,8 @@ fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
     vec![probed_at(if has_shape { strong(nominal.clone()) } else { nominal.clone() })]
 }
 
-/// Drives so soft that their links swing, where logs tell what these were told; the `likely` ones as they are.
-pub(crate) fn swinging(plant: &Plant, likely: &[Effect], runs: &[Run]) -> Vec<Hypothesis> {
+/// Drives so soft that their links swing, where logs tell what these were told.
+pub(crate) fn swinging(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
     if plant.base.clamped || runs.iter().all(|run| run.commands.is_none()) {
         return Vec::new();
     }
@@ -89,11 +89,7 @@ pub(crate) fn swinging(plant: &Plant, likely: &[Effect], runs: &[Run]) -> Vec<Hy
         has_shape: true,
         is_discrete: false,
     };
-    let own = |nominal: &Effect| {
-        let same = likely.iter().filter(|e| e.index() == nominal.index()).map(|e| 1.0 / e.values()[0]);
-        same.chain(SWINGING_RAD_N_M).collect::<Vec<_>>()
-    };
-    drives.flat_map(|nominal| own(&nominal).into_iter().map(move |compliance| at(&nominal, compliance))).collect()
+    drives.flat_map(|nominal| SWINGING_RAD_N_M.map(|compliance| at(&nominal, compliance))).collect()
 }
 
 /// Whether anything in these runs could ever show the effect.

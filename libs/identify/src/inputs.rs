@@ -73,7 +73,7 @@ fn mean_square(
     windows: Windows,
 ) -> Result<Option<f64>, ModelError> {
     let run = Run { valves: valves.to_vec(), ..run.clone() };
-    let cells = Evidence::gather(trial, trial, std::slice::from_ref(&run), windows)?.cells;
+    let cells = Evidence::gather(trial, std::slice::from_ref(&run), windows)?.cells;
     let freedom: f64 = cells.iter().map(|cell| cell.freedom).sum();
     let left: f64 = cells.iter().map(|cell| cell.residual.norm_squared()).sum();
     Ok((freedom > 0.0).then(|| left / freedom))

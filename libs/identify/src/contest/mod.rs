@@ -62,11 +62,10 @@ pub(crate) struct Reduced {
 }
 
 impl Contest {
-    /// Gathers the evidence of `runs` and how every cause would show in it, where the arm probably has the `likely` drives.
-    pub(crate) fn new(plant: &Plant, likely: &[Effect], runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
+    /// Gathers the evidence of `runs` and how every cause would show in it.
+    pub(crate) fn new(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
         let trial = Trial::of(plant);
-        let with_likely = Trial { plant: plant.clone(), effects: [&trial.effects[..], likely].concat() };
-        let evidence = Evidence::gather(&with_likely, &trial, runs, windows)?;
+        let evidence = Evidence::gather(&trial, runs, windows)?;
         let uncertain = uncertain(plant);
         let hypotheses = hypotheses(plant, runs);
         let order = Order::new(plant, &uncertain, &hypotheses);
@@ -91,7 +90,7 @@ impl Contest {
         if contest.is_chaotic() {
             contest.settle(runs)?;
         }
-        contest.loosen(likely, runs)?;
+        contest.loosen(runs)?;
         Ok(contest)
     }
 

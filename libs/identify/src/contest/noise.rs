@@ -6,7 +6,6 @@ use crate::measured::Run;
 use crate::normal::Normal;
 use crate::trial::Whitened;
 use fss_multibody::ModelError;
-use fss_plant::Effect;
 use nalgebra::DVector;
 use std::collections::BTreeMap;
 
@@ -126,7 +125,7 @@ impl Contest {
     /// Where all causes of the catalogue together leave a channel noisier than its sensor, the rest is taken for noise too:
     /// servos, say, that move between two reports otherwise than they were told. Not so of the base's own motion, which
     /// is what everything is judged by.
-    pub(super) fn loosen(&mut self, likely: &[Effect], runs: &[Run]) -> Result<(), ModelError> {
+    pub(super) fn loosen(&mut self, runs: &[Run]) -> Result<(), ModelError> {
         if self.is_chaotic() {
             return Ok(());
         }
@@ -134,7 +133,7 @@ impl Contest {
         self.shaken = self.shaken_gyro(&scatter);
         if self.shaken.is_some() {
             // What shakes it may be links that swing, which is dear to ask about.
-            self.ask_too(swinging(&self.trial.plant, likely, runs))?;
+            self.ask_too(swinging(&self.trial.plant, runs))?;
             scatter = self.scatter_of_the_rest().unwrap_or(scatter);
         }
         let noisy: BTreeMap<(usize, usize), f64> = scatter

@@ -13,9 +13,8 @@ pub(crate) const MOST_CAUSES: usize = 4;
 /// Contestants that are refitted with the real simulation, and those that look much like the best of them.
 const CONTESTANTS: usize = 8;
 const MOST_CONTESTANTS: usize = 14;
-/// Of these at most so many of one kind at one place, and drives on which links swing, which are dear to simulate.
+/// Of these at most so many of one kind at one place.
 const MOST_OF_A_KIND: usize = 2;
-const MOST_OF_DRIVES: usize = 1;
 /// The same where each refit is dear, because every window's motion must be fitted anew.
 const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
@@ -141,7 +140,7 @@ impl Contest {
             let kind = (s.effect.id(), s.effect.index(), s.effect.channel().map(str::to_owned));
             let count = seen.iter().filter(|other| **other == kind).count();
             seen.push(kind);
-            count < if s.effect.id() == "joint_flexibility" { MOST_OF_DRIVES } else { MOST_OF_A_KIND }
+            count < MOST_OF_A_KIND
         };
         let mut chosen: Vec<&Screened> = screen.iter().filter(worth).filter(is_new).take(contestants).collect();
         if let Some(best) = chosen.first().copied() {

@@ -10,7 +10,7 @@ use fss_plant::Plant;
 /// The misfit of every channel of a run.
 pub(super) fn misfit(plant: &Plant, run: &Run, windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
     let trial = Trial::of(plant);
-    let evidence = Evidence::gather(&trial, &trial, std::slice::from_ref(run), windows)?;
+    let evidence = Evidence::gather(&trial, std::slice::from_ref(run), windows)?;
     let Some(record) = evidence.records.first() else { return Ok(Vec::new()) };
     let flight = record.flight(&trial)?;
     let mut gathered: Vec<Gathered> = record.channels().iter().map(|_| Gathered::default()).collect();
