@@ -93,25 +93,42 @@ fn what_moves_the_vehicle_far_is_named_for_what_it_is() {
     }
 }
 
-#[test]
-fn a_joint_with_play_is_named_and_measured() {
+/// Flies experiments in a laboratory that has this effect, and diagnoses them with the plant file that lacks it.
+fn diagnosed_with(effect: &str, experiments: &[&str]) -> serde_json::Value {
     let folder = tempfile::tempdir().unwrap();
     let (plant, laboratory) = (folder.path().join("plant.toml"), folder.path().join("laboratory.toml"));
     let nominal = include_str!("../deploy/etc/plants/fss.toml");
     std::fs::write(&plant, nominal).unwrap();
-    let play = "[[effect]]\nid = \"joint_backlash\"\nindex = 2\ngap_rad = 0.004\n";
-    std::fs::write(&laboratory, format!("{nominal}\n{play}")).unwrap();
-    let experiments = ["coast", "single-joint", "excitation", "thrusters"];
+    std::fs::write(&laboratory, format!("{nominal}\n[[effect]]\n{effect}\n")).unwrap();
     let runs: Vec<String> = experiments.iter().map(|name| fly_in(Some(&laboratory), name, folder.path())).collect();
     let out = folder.path().join("out");
     let mut words = vec!["diagnose"];
     words.extend(runs.iter().map(String::as_str));
     words.extend(["--plant", plant.to_str().unwrap(), "--out", out.to_str().unwrap()]);
     succeed(&words);
-    let cause = &json(&out.join("diagnosis.json"))["causes"][0];
+    json(&out.join("diagnosis.json"))
+}
+
+#[test]
+fn a_joint_with_play_is_named_and_measured() {
+    let play = "id = \"joint_backlash\"\nindex = 2\ngap_rad = 0.004";
+    let cause = &diagnosed_with(play, &["coast", "single-joint", "excitation", "thrusters"])["causes"][0];
     assert_eq!((&cause["effect"], &cause["index"]), (&"joint_backlash".into(), &2.into()), "{cause}");
     let gap_rad = cause["parameters"]["gap_rad"]["value"].as_f64().unwrap();
     assert!((gap_rad / 0.004 - 1.0).abs() < 0.2, "{cause}");
+}
+
+/// So soft that its link goes on swinging after each command: once called play, or a weak motor.
+#[test]
+fn a_drive_on_which_a_link_swings_is_named_and_nothing_else() {
+    let soft = "id = \"joint_flexibility\"\nindex = 2\nstiffness_N_m_rad = 150";
+    let answer = diagnosed_with(soft, &["single-joint", "excitation", "thrusters"]);
+    let causes = answer["causes"].as_array().unwrap();
+    assert_eq!(causes.len(), 1, "{answer}");
+    assert_eq!((&causes[0]["effect"], &causes[0]["index"]), (&"joint_flexibility".into(), &2.into()));
+    let stiffness = &causes[0]["parameters"]["stiffness_N_m_rad"];
+    let (value, std) = (stiffness["value"].as_f64().unwrap(), stiffness["std"].as_f64().unwrap());
+    assert!((value - 150.0).abs() < 2.0 * std && std < 25.0, "{value} +- {std}");
 }
 
 #[test]

@@ -22,9 +22,9 @@ const OFF_BY: f64 = 1.3;
 /// What a stroke of play does hangs on how its link comes back from the teeth, which nothing tells: its width is known to
 /// this share at best.
 const STROKE_SHARE: f64 = 0.1;
-/// A servo is in line with the drive that it swings on, and tuned to some hundredths as its plant file says: stiffness is known
-/// to this share at best.
-const TUNING_SHARE: f64 = 0.02;
+/// How a link swings hangs on its servo too, and on how that takes up its commands: stiffness comes out up to a fifth off, and is
+/// known to this share at best.
+const SWING_SHARE: f64 = 0.1;
 
 impl Contest {
     /// Each taken cause with its standard deviations, its rivals and its probability among them.
@@ -38,7 +38,7 @@ impl Contest {
                 // Fitted by its inverse.
                 std[0] *= effect.values()[0].powi(2);
                 if self.shaken.is_some() {
-                    std[0] = std[0].hypot(TUNING_SHARE * effect.values()[0]);
+                    std[0] = std[0].hypot(SWING_SHARE * effect.values()[0]);
                 }
             }
             if effect.id() == "joint_backlash" {
