@@ -248,6 +248,12 @@ impl Unit {
     }
 }
 
+/// All of motion capture on a late clock is a latency of it, to the last bit: that has one name.
+fn one_name<'a>(effect: &'a Effect, candidates: &'a [Effect]) -> &'a Effect {
+    let latency = candidates.iter().find(|e| e.id() == "mocap_latency");
+    latency.filter(|_| effect.id() == "clock_offset" && effect.channel() == Some("mocap")).unwrap_or(effect)
+}
+
 /// Any effect of the catalogue that this laboratory can have.
 fn inside(plant: &Plant, random: &mut ChaCha8Rng) -> Unit {
     // The stack has no target, and records its commands by the clock that everything else is measured by.
@@ -257,7 +263,7 @@ fn inside(plant: &Plant, random: &mut ChaCha8Rng) -> Unit {
     ids.dedup();
     let id = ids[random.random_range(0..ids.len())];
     let members: Vec<&Effect> = candidates.iter().filter(|e| e.id() == id).collect();
-    let mut nominal = members[random.random_range(0..members.len())].clone();
+    let mut nominal = one_name(members[random.random_range(0..members.len())], &candidates).clone();
     if id == "payload" && random.random::<f64>() < 0.3 {
         nominal = nominal.from_onset(random.random_range(8.0..30.0));
     }
