@@ -131,7 +131,7 @@ mod tests {
         }
         let counts = (causes.start, causes.host_stalled, causes.blow, causes.unexplained, causes.normal_scheduling);
         assert_eq!(counts, (1, 1, 1, 2, 0));
-        let told: Vec<_> = unexplained.iter().map(|u| (u.at_s, u.late_ms_max)).collect();
-        assert_eq!(told, [(10.2, 3.0), (40.2, 3.0)]);
+        let told: Vec<_> = unexplained.iter().map(|u| (format!("{:.1} s", u.at_s), u.late_ms_max)).collect();
+        assert_eq!(told, [("10.2 s".to_owned(), 3.0), ("40.2 s".to_owned(), 3.0)]);
     }
 }
