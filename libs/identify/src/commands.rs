@@ -16,12 +16,25 @@ const SWING_ROW_STEPS: usize = 5;
 /// How motors, and links on elastic drives, carry out commands.
 #[derive(Clone, Debug, Default)]
 pub struct CarriedOut {
-    /// Encoder angles, rad.
-    pub encoder: Many,
-    /// Angle of each link less that of its motor, rad.
-    pub ahead: Many,
-    /// Its rate, rad/s.
-    pub ahead_rate: Many,
+    /// Motor angles, rad.
+    pub motor: Many,
+    /// Link angles, rad.
+    pub link: Many,
+    /// Their rates, rad/s.
+    pub link_rate: Many,
+}
+
+impl CarriedOut {
+    /// The sum of several, each times its weight, at the times of the first.
+    pub(crate) fn mixed(parts: &[(f64, &Self)]) -> Self {
+        let mix = |series: fn(&Self) -> &Many| {
+            let t_s = parts.first().map_or_else(Vec::new, |(_, part)| series(part).t_s.clone());
+            let joints = parts.first().map_or(0, |(_, part)| series(part).values.len());
+            let value = |i: usize, k: usize| parts.iter().map(|(w, part)| w * series(part).values[i][k]).sum();
+            Many { values: (0..joints).map(|i| (0..t_s.len()).map(|k| value(i, k)).collect()).collect(), t_s }
+        };
+        Self { motor: mix(|p| &p.motor), link: mix(|p| &p.link), link_rate: mix(|p| &p.link_rate) }
+    }
 }
 
 /// What was commanded in a flight, and from where it began.
@@ -98,15 +111,13 @@ impl Commands {
     /// When effects make a mass or an inertia impossible.
     pub fn swung(&self, plant: &Plant) -> Result<CarriedOut, ModelError> {
         let empty = || Many { t_s: Vec::new(), values: vec![Vec::new(); self.joints.len()] };
-        let mut out = CarriedOut { encoder: empty(), ahead: empty(), ahead_rate: empty() };
+        let mut out = CarriedOut { motor: empty(), link: empty(), link_rate: empty() };
         let still = Plant { disturbance: None, ..plant.clone() };
         self.play(&still, 0, SWING_ROW_STEPS, |simulation| {
             let truth = simulation.truth();
-            for (many, value) in [
-                (&mut out.encoder, truth.motor_rad),
-                (&mut out.ahead, std::array::from_fn(|i| truth.q_rad[i] - truth.motor_rad[i])),
-                (&mut out.ahead_rate, std::array::from_fn(|i| truth.qd_rad_s[i] - truth.motor_rad_s[i])),
-            ] {
+            for (many, value) in
+                [(&mut out.motor, truth.motor_rad), (&mut out.link, truth.q_rad), (&mut out.link_rate, truth.qd_rad_s)]
+            {
                 many.t_s.push(truth.t_s);
                 many.values.iter_mut().zip(value).for_each(|(values, value)| values.push(value));
             }

@@ -105,6 +105,9 @@ impl Evidence {
     /// Projected residuals of all cells under a trial, the windows' own unknowns as in `cells`.
     pub(crate) fn residuals(&self, trial: &Trial, cells: &[Cell]) -> Result<Vec<DVector<f64>>, ModelError> {
         let of_record = |r: usize| -> Result<Vec<DVector<f64>>, ModelError> {
+            if !cells.iter().any(|c| c.record == r) {
+                return Ok(Vec::new());
+            }
             let flight = self.records[r].flight(trial)?;
             let spans = self.records[r].spans();
             let of = |cell: &Cell| {

@@ -29,8 +29,6 @@ const SHAPED: &[&str] = &[
 ];
 /// Wind-up of a drive per torque at which its sensitivity is taken, rad/(N m): it follows its torque at once.
 const COMPLIANCE_RAD_N_M: f64 = 2e-4;
-/// The same of drives on which links swing, each in its own time.
-const SWINGING_RAD_N_M: [f64; 3] = [1.5e-3, 5e-3, 1.5e-2];
 /// The same around a drive that is elastic already, share of its own.
 const COMPLIANCE_STEP: f64 = 0.05;
 /// Periods a turn at which a drive's kinematic error is looked for.
@@ -76,20 +74,16 @@ fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
     vec![probed_at(if has_shape { strong(nominal.clone()) } else { nominal.clone() })]
 }
 
-/// Drives so soft that their links swing, where logs tell what these were told.
+/// Drives whose links may swing on them, where logs tell what these were told.
 pub(crate) fn swinging(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
     if plant.base.clamped || runs.iter().all(|run| run.commands.is_none()) {
         return Vec::new();
     }
     let drives = effects::candidates(plant).into_iter().filter(|e| e.id() == "joint_flexibility");
     // What a swing does is no matter of proportion: it has a shape.
-    let at = |nominal: &Effect, compliance: f64| Hypothesis {
-        nominal: nominal.clone(),
-        probe: nominal.clone().with(&[1.0 / compliance]),
-        has_shape: true,
-        is_discrete: false,
-    };
-    drives.flat_map(|nominal| SWINGING_RAD_N_M.map(|compliance| at(&nominal, compliance))).collect()
+    let swings =
+        |drive: Effect| Hypothesis { nominal: drive.clone(), probe: drive, has_shape: true, is_discrete: false };
+    drives.map(swings).collect()
 }
 
 /// Whether anything in these runs could ever show the effect.
@@ -149,6 +143,11 @@ impl Hypothesis {
     /// The same cause around `effect`, which acts already: what more or less of it would do.
     pub(crate) fn around(&self, effect: &Effect) -> Self {
         Self { nominal: effect.clone(), probe: effect.clone(), has_shape: false, is_discrete: self.is_discrete }
+    }
+
+    /// The same cause, its sensitivities taken where it has these values.
+    pub(crate) fn probed_at(&self, values: &[f64]) -> Self {
+        Self { probe: self.with(values), ..self.clone() }
     }
 
     /// Number of coordinates.

@@ -1,6 +1,6 @@
 //! What no known effect explains: where it acts and what it depends on.
 
-use crate::contest::{Contest, GYRO, Refined};
+use crate::contest::{Contest, GYRO, Refined, Shaken};
 use crate::measured::Run;
 use crate::sensitivity::Column;
 use fss_multibody::ModelError;
@@ -56,9 +56,11 @@ pub(crate) fn describe(contest: &Contest, refined: &Refined, runs: &[Run]) -> Re
     }
     depends_on.sort_by(|a, b| b.1.total_cmp(&a.1));
     let worst = contest.worst(refined);
-    let worst = match &contest.shaken {
-        Some((run, rms)) if refined.effects.is_empty() && worst.as_ref().is_none_or(|(_, _, other)| other < rms) => {
-            Some((GYRO.to_owned(), run.clone(), *rms))
+    let worst = match contest.shaken {
+        Some(Shaken { record, rms })
+            if refined.effects.is_empty() && worst.as_ref().is_none_or(|(_, _, other)| *other < rms) =>
+        {
+            Some((GYRO.to_owned(), contest.evidence.records[record].name().to_owned(), rms))
         }
         _ => worst,
     };

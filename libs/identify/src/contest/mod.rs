@@ -7,10 +7,11 @@ mod screen;
 mod select;
 mod settle;
 mod sides;
+mod swing;
 mod take;
 mod weigh;
 
-pub(crate) use noise::GYRO;
+pub(crate) use noise::{GYRO, Shaken};
 pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;
 pub(crate) use select::{MOST_CAUSES, Selection};
@@ -44,8 +45,8 @@ pub(crate) struct Contest {
     /// Mean square that whitened rows have where the plant is as right as it can be: 1 where nothing but noise is left,
     /// more where no cause explains all. Priors are weighed against it, or they would count for nothing.
     pub(crate) unit: f64,
-    /// A gyro that is shaken by what no cause explains: run, RMS over its noise.
-    pub(crate) shaken: Option<(String, f64)>,
+    /// A gyro that is shaken by what no cause explains.
+    pub(crate) shaken: Option<Shaken>,
     /// Of the nuisances' normal matrix with their priors.
     factor: Option<Cholesky<f64, Dyn>>,
 }

@@ -1,7 +1,6 @@
 //! What no cause explains: how far each sensor, and the room's air, are beyond what they should be.
 
 use super::{Contest, Refined};
-use crate::hypothesis::swinging;
 use crate::measured::Run;
 use crate::normal::Normal;
 use crate::trial::Whitened;
@@ -15,6 +14,15 @@ const NOISY: f64 = 1.2;
 /// up to 4.3 in blind games, drives so soft that their links swing 9 to 81.
 const SHAKEN: f64 = 8.0;
 pub(crate) const GYRO: &str = "gyro";
+
+/// A gyro that stands out more from its noise than sound servos can make it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shaken {
+    /// Whose.
+    pub(crate) record: usize,
+    /// RMS over its noise.
+    pub(crate) rms: f64,
+}
 /// The room's air pushes harder than it can if the mean square of its force is this much over one, and so many standard
 /// deviations of a mean square more.
 const HARD_PUSH: f64 = 0.5;
@@ -113,13 +121,13 @@ impl Contest {
     }
 
     /// The gyro that stands out most from its noise whatever the catalogue adds, where that is more than servos do between two
-    /// reports: run, RMS over its noise.
-    fn shaken_gyro(&self, scatter: &BTreeMap<(usize, usize), Scatter>) -> Option<(String, f64)> {
+    /// reports.
+    fn shaken_gyro(&self, scatter: &BTreeMap<(usize, usize), Scatter>) -> Option<Shaken> {
         let is_gyro = |record: usize, channel: usize| self.evidence.records[record].channels()[channel] == GYRO;
         let gyros = scatter.iter().filter(|((record, channel), _)| is_gyro(*record, *channel));
         let all = gyros.map(|((record, _), scatter)| (*record, scatter.mean_square()));
         let (record, mean_square) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (mean_square > SHAKEN).then(|| (self.evidence.records[record].name().to_owned(), mean_square.sqrt()))
+        (mean_square > SHAKEN).then(|| Shaken { record, rms: mean_square.sqrt() })
     }
 
     /// Where all causes of the catalogue together leave a channel noisier than its sensor, the rest is taken for noise too:
@@ -131,9 +139,10 @@ impl Contest {
         }
         let Some(mut scatter) = self.scatter_of_the_rest() else { return Ok(()) };
         self.shaken = self.shaken_gyro(&scatter);
-        if self.shaken.is_some() {
+        if let Some(shaken) = self.shaken {
             // What shakes it may be links that swing, which is dear to ask about.
-            self.ask_too(swinging(&self.trial.plant, runs))?;
+            let drives = self.swinging(runs, shaken.record)?;
+            self.ask_too(drives)?;
             scatter = self.scatter_of_the_rest().unwrap_or(scatter);
         }
         let noisy: BTreeMap<(usize, usize), f64> = scatter

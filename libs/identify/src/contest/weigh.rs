@@ -22,9 +22,9 @@ const OFF_BY: f64 = 1.3;
 /// What a stroke of play does hangs on how its link comes back from the teeth, which nothing tells: its width is known to
 /// this share at best.
 const STROKE_SHARE: f64 = 0.1;
-/// How a link swings hangs on its servo too, and on how that takes up its commands: stiffness comes out up to a fifth off, and is
-/// known to this share at best.
-const SWING_SHARE: f64 = 0.1;
+/// How a link swings hangs on its servo too, and on how that takes up its commands: in blind games stiffness came out 1 to 3 % off,
+/// and is known to this share at best.
+const SWING_SHARE: f64 = 0.03;
 
 impl Contest {
     /// Each taken cause with its standard deviations, its rivals and its probability among them.

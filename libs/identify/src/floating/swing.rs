@@ -5,7 +5,8 @@
 //! the plant file. So the arm is simulated as the vehicle's drivers would move it, and telemetry corrects where motors are.
 
 use super::telemetry::{Reading, readings};
-use crate::measured::{Many, Run};
+use crate::commands::{CarriedOut, Commands};
+use crate::measured::Run;
 use crate::trial::Trial;
 use fss_plant::{Effect, JointPhysics, Plant};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,18 +14,54 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// A drive stiffer than this follows its torque at once, N m/rad: its link swings faster than the simulation's steps, and is
 /// damped sooner than anything is measured.
 const STIFF_N_M_RAD: f64 = 3000.0;
-/// So many simulations are remembered: a contest asks for the same again and again.
+/// One stiffness at which drives are simulated, N m/rad.
+const SIMULATED_N_M_RAD: f64 = 200.0;
+/// What a drive does changes smoothly with its stiffness: drives are simulated at so many stiffnesses from one to three times it,
+/// and between four of these a cubic goes through what they do.
+const IN_THREEFOLD: f64 = 11.0;
+/// A stiffness within this share of the way from one of these to the next is that one.
+const NEAR: f64 = 0.01;
+/// So many simulations, and arms that telemetry corrects, are remembered: a contest asks for the same again and again.
+const REMEMBERED_SIMULATIONS: usize = 100;
 const REMEMBERED: usize = 6;
-
-/// What became of drives: `None` where the plant with them is impossible.
-type Known = (Vec<Effect>, Option<Arc<Swing>>);
 
 /// A run's arm on elastic drives.
 pub(super) struct Swings {
     /// The plant without elastic drives.
     plant: Plant,
     ages_s: Vec<f64>,
-    known: Mutex<Vec<Known>>,
+    simulated: Known<CarriedOut>,
+    corrected: Known<Swing>,
+}
+
+/// What became of drives; `None` where the plant with them is impossible.
+type Became<T> = (Vec<Effect>, Option<Arc<T>>);
+
+/// What became of all that were asked about lately, the newest last.
+struct Known<T>(Mutex<Vec<Became<T>>>);
+
+impl<T> Known<T> {
+    fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    /// What is known of these drives, or is found now; `most` are remembered.
+    fn of(&self, drives: &[Effect], most: usize, find: impl FnOnce() -> Option<T>) -> Option<Arc<T>> {
+        if let Some((_, known)) = self.lock().iter().find(|(known, _)| known == drives) {
+            return known.clone();
+        }
+        let found = find().map(Arc::new);
+        let mut known = self.lock();
+        if known.len() >= most {
+            known.remove(0);
+        }
+        known.push((drives.to_vec(), found.clone()));
+        found
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Became<T>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// One simulation of it on a grid, as telemetry corrects it.
@@ -47,48 +84,119 @@ impl Swings {
     pub(super) fn new(trial: &Trial, ages_s: Vec<f64>) -> Self {
         let mut plant = trial.to_plant();
         plant.effects.retain(|effect| !is_elastic(effect));
-        Self { plant, ages_s, known: Mutex::new(Vec::new()) }
+        Self { plant, ages_s, simulated: Known::new(), corrected: Known::new() }
     }
 
     /// The arm where a trial has soft drives; `None` where it has none, or nobody knows what they were told.
     pub(super) fn of(&self, trial: &Trial, run: &Run, grid_s: &[f64]) -> Option<Arc<Swing>> {
+        let commands = run.commands.as_ref()?;
         let soft = |e: &&Effect| is_elastic(e) && e.values()[0] < STIFF_N_M_RAD;
-        let drives: Vec<Effect> = trial.effects.iter().filter(soft).cloned().collect();
-        if drives.is_empty() || run.commands.is_none() {
+        // A drive that grows soft during the run is simulated as soft from the start: before, nobody asks for its swing.
+        let soft_always = |e: &Effect| e.clone().from_onset(0.0);
+        let drives: Vec<Effect> = trial.effects.iter().filter(soft).map(soft_always).collect();
+        if drives.is_empty() {
             return None;
         }
-        if let Some((_, swing)) = self.lock().iter().find(|(known, _)| *known == drives) {
-            return swing.clone();
-        }
-        let swing = self.simulated(&drives, run, grid_s).map(Arc::new);
-        let mut known = self.lock();
-        if known.len() >= REMEMBERED {
-            known.remove(0);
-        }
-        known.push((drives, swing.clone()));
-        swing
+        self.corrected.of(&drives, REMEMBERED, || Some(self.corrected(&*self.near(&drives, commands)?, run, grid_s)))
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<Known>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    /// What drives do, from what they do at stiffnesses nearby.
+    fn near(&self, drives: &[Effect], commands: &Commands) -> Option<Arc<CarriedOut>> {
+        // Four simulations of a drive alone; of several, which are many, each between two.
+        let weights = if drives.len() == 1 { cubic } else { linear };
+        let mut around: Vec<(f64, Vec<Effect>)> = vec![(1.0, Vec::new())];
+        for drive in drives {
+            let nodes = nodes(drive.values()[0], weights);
+            let beside = |(w, others): &(f64, Vec<Effect>)| -> Vec<(f64, Vec<Effect>)> {
+                let with = |stiffness: f64| others.iter().cloned().chain([drive.clone().with(&[stiffness])]).collect();
+                nodes.iter().map(|(own, stiffness)| (w * own, with(*stiffness))).collect()
+            };
+            around = around.iter().flat_map(beside).collect();
+        }
+        let part = |(w, drives): (f64, Vec<Effect>)| Some((w, self.simulated(&drives, commands)?));
+        let parts = around.into_iter().map(part).collect::<Option<Vec<_>>>()?;
+        match &parts[..] {
+            [(_, alone)] => Some(Arc::clone(alone)),
+            _ => Some(Arc::new(CarriedOut::mixed(&parts.iter().map(|(w, part)| (*w, &**part)).collect::<Vec<_>>()))),
+        }
     }
 
-    fn simulated(&self, drives: &[Effect], run: &Run, grid_s: &[f64]) -> Option<Swing> {
-        let carried_out = run.commands.as_ref()?.swung(&self.plant.with_effects(drives)).ok()?;
-        let expected = Run { joint_command: Some(carried_out.encoder), joints: run.joints.clone(), ..Run::default() };
-        let joints = 0..self.ages_s.len();
-        let reading = |i: usize| readings(&expected, i, &self.plant.sensors, &|_| self.ages_s[i], grid_s);
-        let (ahead, rate) = (&carried_out.ahead, &carried_out.ahead_rate);
+    fn simulated(&self, drives: &[Effect], commands: &Commands) -> Option<Arc<CarriedOut>> {
+        self.simulated.of(drives, REMEMBERED_SIMULATIONS, || commands.swung(&self.plant.with_effects(drives)).ok())
+    }
+
+    fn corrected(&self, carried_out: &CarriedOut, run: &Run, grid_s: &[f64]) -> Swing {
+        // Commands throw a motor within milliseconds, and its link hardly at once: what the motor did between two rows must be
+        // taken off as it was put on, or links would be thrown too.
+        let CarriedOut { motor, link, link_rate } = carried_out;
         let at = |i: usize, t_s: f64| {
-            let value = |many: &Many| many.at(i, t_s).unwrap_or(0.0);
-            [value(ahead), value(rate), rate.rate_at(i, t_s).unwrap_or(0.0)]
+            Some([
+                link.at(i, t_s)? - motor.at(i, t_s)?,
+                link_rate.at(i, t_s)? - motor.rate_at(i, t_s)?,
+                link_rate.rate_at(i, t_s)? - motor.acceleration_at(i, t_s)?,
+            ])
         };
-        let of_joint = |i: usize| grid_s.iter().map(|t_s| at(i, *t_s)).collect();
-        let (readings, ahead) = (joints.clone().map(reading).collect(), joints.map(of_joint).collect());
-        Some(Swing { expected, readings, ahead })
+        let joints = 0..self.ages_s.len();
+        let of_joint = |i: usize| grid_s.iter().map(|t_s| at(i, *t_s).unwrap_or_default()).collect();
+        let ahead = joints.clone().map(of_joint).collect();
+        let expected = Run { joint_command: Some(motor.clone()), joints: run.joints.clone(), ..Run::default() };
+        let reading = |i: usize| readings(&expected, i, &self.plant.sensors, &|_| self.ages_s[i], grid_s);
+        let readings = joints.map(reading).collect();
+        Swing { expected, readings, ahead }
     }
+}
+
+/// Stiffnesses around this one at which drives are simulated, each with its weight; where it is one of them, that alone.
+fn nodes(stiffness_n_m_rad: f64, weights: fn(f64) -> [f64; 4]) -> Vec<(f64, f64)> {
+    let node = |k: f64| SIMULATED_N_M_RAD * 3.0_f64.powf(k / IN_THREEFOLD);
+    let at = IN_THREEFOLD * (stiffness_n_m_rad / SIMULATED_N_M_RAD).ln() / 3.0_f64.ln();
+    if (at - at.round()).abs() < NEAR {
+        return vec![(1.0, node(at.round()))];
+    }
+    let before = at.floor();
+    let around = [-1.0, 0.0, 1.0, 2.0].map(|k| node(before + k));
+    weights(at - before).into_iter().zip(around).filter(|(w, _)| *w != 0.0).collect()
+}
+
+/// Weights of values at -1, 0, 1 and 2 in the cubic through them (Lagrange), from 0 to 1.
+fn cubic(at: f64) -> [f64; 4] {
+    let (a, b, c, d) = (at + 1.0, at, at - 1.0, at - 2.0);
+    [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0]
+}
+
+/// The same of the straight line through the middle two.
+fn linear(at: f64) -> [f64; 4] {
+    [0.0, 1.0 - at, at, 0.0]
 }
 
 fn is_elastic(effect: &Effect) -> bool {
     effect.id() == "joint_flexibility"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_goes_through_what_it_is_given_and_between_as_a_cubic_does() {
+        let value = |x: f64| 2.0 - x + 0.5 * x * x - 0.25 * x * x * x;
+        for at in [0.0, 0.2, 0.7, 1.0] {
+            let sum: f64 = cubic(at).iter().zip([-1.0, 0.0, 1.0, 2.0]).map(|(w, x)| w * value(x)).sum();
+            assert!((sum - value(at)).abs() < 1e-12, "{sum} at {at}");
+        }
+    }
+
+    #[test]
+    fn a_stiffness_lies_between_those_at_which_drives_are_simulated() {
+        for stiffness in [66.0, 150.0, 207.0, 2900.0] {
+            let around = nodes(stiffness, linear);
+            assert!(around[0].1 < stiffness && stiffness < around[1].1, "{stiffness}: {around:?}");
+            let mean: f64 = nodes(stiffness, cubic).iter().map(|(w, node)| w * node.ln()).sum();
+            assert!((mean - stiffness.ln()).abs() < 1e-9, "{stiffness}");
+        }
+        for alone in [200.0, 600.0, 200.0 / 3.0] {
+            let around = nodes(alone, cubic);
+            assert!(matches!(around[..], [(_, node)] if (node - alone).abs() < 1e-9 * alone), "{around:?}");
+        }
+    }
 }
