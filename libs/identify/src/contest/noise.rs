@@ -10,12 +10,14 @@ use std::collections::BTreeMap;
 
 /// Mean square over its expectation beyond which a channel is noisier than its sensor.
 const NOISY: f64 = 1.2;
-/// Mean square of the gyro over its expectation beyond which something shakes the base that nobody knows: servos of sound arms leave
-/// up to 4.3 in blind games, drives so soft that their links swing 9 to 81.
+/// Mean square of the gyro over its expectation beyond which links may swing on their drives, and that is asked.
+const RESTLESS: f64 = 2.0;
+/// The same beyond which something shakes the base, whether anybody knows what: servos of sound arms leave up to 4.3 in blind games,
+/// drives so soft that their links swing up to 81.
 const SHAKEN: f64 = 8.0;
 pub(crate) const GYRO: &str = "gyro";
 
-/// A gyro that stands out more from its noise than sound servos can make it.
+/// How far a gyro stands out from its noise whatever the catalogue adds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shaken {
     /// Whose.
@@ -120,14 +122,12 @@ impl Contest {
         all
     }
 
-    /// The gyro that stands out most from its noise whatever the catalogue adds, where that is more than servos do between two
-    /// reports.
-    fn shaken_gyro(&self, scatter: &BTreeMap<(usize, usize), Scatter>) -> Option<Shaken> {
+    /// The gyro that stands out most from its noise.
+    fn most_shaken(&self, scatter: &BTreeMap<(usize, usize), Scatter>) -> Option<Shaken> {
         let is_gyro = |record: usize, channel: usize| self.evidence.records[record].channels()[channel] == GYRO;
         let gyros = scatter.iter().filter(|((record, channel), _)| is_gyro(*record, *channel));
-        let all = gyros.map(|((record, _), scatter)| (*record, scatter.mean_square()));
-        let (record, mean_square) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (mean_square > SHAKEN).then(|| Shaken { record, rms: mean_square.sqrt() })
+        let all = gyros.map(|((record, _), scatter)| Shaken { record: *record, rms: scatter.mean_square().sqrt() });
+        all.max_by(|a, b| a.rms.total_cmp(&b.rms))
     }
 
     /// Where all causes of the catalogue together leave a channel noisier than its sensor, the rest is taken for noise too:
@@ -138,10 +138,11 @@ impl Contest {
             return Ok(());
         }
         let Some(mut scatter) = self.scatter_of_the_rest() else { return Ok(()) };
-        self.shaken = self.shaken_gyro(&scatter);
-        if let Some(shaken) = self.shaken {
-            // What shakes it may be links that swing, which is dear to ask about.
-            let drives = self.swinging(runs, shaken.record)?;
+        let gyro = self.most_shaken(&scatter);
+        self.shaken = gyro.filter(|gyro| gyro.rms.powi(2) > SHAKEN);
+        if let Some(gyro) = gyro.filter(|gyro| gyro.rms.powi(2) > RESTLESS) {
+            // Links that swing are dear to ask about.
+            let drives = self.swinging(runs, gyro.record)?;
             self.ask_too(drives)?;
             scatter = self.scatter_of_the_rest().unwrap_or(scatter);
         }

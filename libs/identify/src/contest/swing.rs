@@ -25,8 +25,12 @@ impl Contest {
         let cells: Vec<Cell> = self.evidence.cells.iter().filter(|c| c.record == record).cloned().collect();
         let left = |drive: &Hypothesis, stiffness: f64| -> Result<(f64, Hypothesis), ModelError> {
             let drive = drive.probed_at(&[stiffness]);
-            let residuals = self.evidence.residuals(&self.trial.with(&drive.probe), &cells)?;
-            Ok((residuals.iter().map(DVector::norm_squared).sum(), drive))
+            let mut fresh = self.evidence.residuals(&self.trial.with(&drive.probe), &cells)?.into_iter();
+            let after =
+                |c: &Cell| if c.record == record { fresh.next() } else { None }.unwrap_or_else(|| c.residual.clone());
+            let residuals: Vec<DVector<f64>> = self.evidence.cells.iter().map(after).collect();
+            // What uncertain masses do is more than any swing.
+            Ok((self.reduce(&residuals, &[]).normal.c, drive))
         };
         let least = |all: Vec<(f64, Hypothesis)>| all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         let best = |drive: &Hypothesis| -> Result<Option<Hypothesis>, ModelError> {
