@@ -32,27 +32,32 @@ fn a_log_that_was_cut_off_is_made_whole_and_never_overwritten() {
 }
 
 #[test]
-fn a_reader_that_has_seen_enough_is_no_failure() {
+fn a_reader_that_has_seen_enough_is_no_failure_and_files_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     assert!(fss(&["run", "reach", "--fast", "--quiet", "--out", out]).status.success());
-    let log = folder.path().join("run.mcap");
-    for json in [&[][..], &["--json"]] {
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (log, plant, diagnosis) = (path("run.mcap"), path("plant.toml"), path("diagnosis"));
+    for (words, lines) in [
+        (&["log", "info", &log][..], 1),
+        (&["log", "info", &log, "--json"], 0),
+        (&["diagnose", &log, "--plant", &plant, "--out", &diagnosis], 0),
+    ] {
         let mut child = Command::new(env!("CARGO_BIN_EXE_fss"))
-            .args(["log", "info", log.to_str().unwrap()])
-            .args(json)
+            .args(words)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         // The reader goes before the first line was written, or at the latest after it.
         let mut reader = BufReader::new(child.stdout.take().unwrap());
-        if json.is_empty() {
+        for _ in 0..lines {
             reader.read_line(&mut String::new()).unwrap();
         }
         drop(reader);
         let output = child.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success() && !said.contains("panicked"), "{said}");
+        assert!(output.status.success() && !said.contains("panicked"), "{words:?}: {said}");
     }
+    assert!(folder.path().join("diagnosis/diagnosis.html").exists());
 }

@@ -151,7 +151,7 @@ pub fn run(command: &BenchCommand) -> Result<()> {
 
 fn tell(json: bool, times: &impl Serialize, print: impl FnOnce()) -> Result<()> {
     if json {
-        println!("{}", serde_json::to_string_pretty(times).into_diagnostic()?);
+        say!("{}", serde_json::to_string_pretty(times).into_diagnostic()?);
     } else {
         print();
     }
@@ -168,13 +168,13 @@ fn dynamics(args: &DynamicsArgs) -> Result<()> {
     };
     let times = time_dynamics(&plant.model().into_diagnostic()?);
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&times).into_diagnostic()?);
+        say!("{}", serde_json::to_string_pretty(&times).into_diagnostic()?);
     } else {
-        println!("links                   {}", times.links);
-        println!("forward dynamics        {:.0} ns", times.forward_dynamics_ns);
-        println!("RK4 step                {:.0} ns", times.rk4_step_ns);
-        println!("RK4 step + transition   {:.0} ns", times.step_with_derivatives_ns);
-        println!("medians of {} runs", times.runs);
+        say!("links                   {}", times.links);
+        say!("forward dynamics        {:.0} ns", times.forward_dynamics_ns);
+        say!("RK4 step                {:.0} ns", times.rk4_step_ns);
+        say!("RK4 step + transition   {:.0} ns", times.step_with_derivatives_ns);
+        say!("medians of {} runs", times.runs);
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ mod statistics;
 mod sweep;
 
 use crate::challenge::parse_seeds;
-use crate::files::{unless_unread, write_silently};
+use crate::files::write_silently;
 use crate::run::{fly_fast, stop_on_signal};
 use clap::Args;
 use definition::{Campaign, TABLES, Wanted};
@@ -128,7 +128,7 @@ pub fn run(args: &CampaignArgs) -> Result<()> {
     let rows = journal::read_all(&campaign.folder)?;
     let rows: Vec<&Row> = rows.values().filter(|row| row.run <= campaign.count()).collect();
     let statistics = Statistics::of(&campaign, &rows);
-    unless_unread(statistics.print(&campaign.folder, &mut std::io::stdout().lock()))?;
+    statistics.print(&campaign.folder);
     if let Some(path) = &args.json {
         write_silently(path, &serde_json::to_string_pretty(&statistics).into_diagnostic()?)?;
     }
@@ -210,7 +210,7 @@ fn again(campaign: &Campaign, number: u64) -> Result<()> {
     let folder = campaign.folder.join(format!("run-{number}"));
     let mut words = vec![format!("seed {seed}")];
     words.extend(campaign.point(number).iter().map(ToString::to_string));
-    println!("run {number}: {}", words.join(", "));
+    say!("run {number}: {}", words.join(", "));
     let summary = fly_fast(&stack, &folder, seed)?;
     let flown = journal::read_all(&campaign.folder)?;
     let Some(before) = flown.get(&number) else { return Ok(()) };
@@ -221,6 +221,6 @@ fn again(campaign: &Campaign, number: u64) -> Result<()> {
             "run {number} came to other figures than in the campaign"
         ));
     }
-    println!("as in the campaign: every figure to the last bit");
+    say!("as in the campaign: every figure to the last bit");
     Ok(())
 }

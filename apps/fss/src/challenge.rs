@@ -136,7 +136,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     gates::print(&asked);
     if let Some(path) = &args.json {
         save(path, &played)?;
-        println!("{}", path.display());
+        say!("{}", path.display());
     }
     for (seed, error) in &failures {
         eprintln!("seed {seed} could not be played: {error:?}");

@@ -133,7 +133,7 @@ fn compare(args: &CompareArgs) -> Result<Answer> {
     let same = !beyond && only_in_a.is_empty() && only_in_b.is_empty();
     let answer = Answer { format: "fss-compare/1", same, shift_s, overlap_s, only_in_a, only_in_b, fields };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&answer).into_diagnostic()?);
+        say!("{}", serde_json::to_string_pretty(&answer).into_diagnostic()?);
     } else {
         print(&answer, args.all);
     }
@@ -187,38 +187,41 @@ fn difference(a: &Series, b: &Series, overlap_s: [f64; 2], tolerance: f64) -> Ro
 
 fn print(answer: &Answer, all: bool) {
     let [from, to] = answer.overlap_s;
-    println!(
+    say!(
         "compared over {:.3} s, from {from:.3} s to {to:.3} s; B's clock shifted by {:.6} s",
         to - from,
         answer.shift_s
     );
     let beyond = answer.fields.iter().filter(|row| row.beyond > 0).count();
-    println!("{} of {} fields differ by more than their tolerance", beyond, answer.fields.len());
+    say!("{} of {} fields differ by more than their tolerance", beyond, answer.fields.len());
     let shown = answer.fields.iter().filter(|row| all || row.beyond > 0 || row.without_counterpart > 0);
     let limit = if all { usize::MAX } else { SHOWN };
     let mut shown = shown.peekable();
     if shown.peek().is_some() {
-        println!(
-            "{:<36} {:>12} {:>10} {:>12} {:>12} {:>14}",
-            "field", "largest", "at s", "rms", "tolerance", "beyond, of"
-        );
+        say!("{:<36} {:>12} {:>10} {:>12} {:>12} {:>14}", "field", "largest", "at s", "rms", "tolerance", "beyond, of");
     }
     for row in shown.by_ref().take(limit) {
-        println!(
+        say!(
             "{:<36} {:>12.3e} {:>10.3} {:>12.3e} {:>12.3e} {:>6} {:>7}",
-            row.name, row.largest, row.largest_at_s, row.rms, row.tolerance, row.beyond, row.count
+            row.name,
+            row.largest,
+            row.largest_at_s,
+            row.rms,
+            row.tolerance,
+            row.beyond,
+            row.count
         );
         if row.without_counterpart > 0 {
-            println!("{:<36} {} samples of A have none of B near them", "", row.without_counterpart);
+            say!("{:<36} {} samples of A have none of B near them", "", row.without_counterpart);
         }
     }
     let rest = shown.count();
     if rest > 0 {
-        println!("and {} more; --all shows every field", HumanCount(rest as u64));
+        say!("and {} more; --all shows every field", HumanCount(rest as u64));
     }
     for (log, names) in [("A", &answer.only_in_a), ("B", &answer.only_in_b)] {
         for name in names {
-            println!("only in {log}: {name}");
+            say!("only in {log}: {name}");
         }
     }
 }

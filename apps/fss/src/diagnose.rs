@@ -85,7 +85,7 @@ fn nothing_to_simulate(runs: &[Run]) -> miette::Report {
 
 fn write(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-    println!("{}", path.display());
+    say!("{}", path.display());
     Ok(())
 }
 

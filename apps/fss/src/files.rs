@@ -91,21 +91,13 @@ pub fn read_plant(path: &Path) -> Result<Plant> {
 /// Writes a file and says so.
 pub fn write(path: &Path, text: &str) -> Result<()> {
     write_silently(path, text)?;
-    println!("{}", path.display());
+    say!("{}", path.display());
     Ok(())
 }
 
 /// Writes a file.
 pub fn write_silently(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
-}
-
-/// Output that nobody reads any more (`| head`) is no failure.
-pub fn unless_unread(outcome: std::io::Result<()>) -> Result<()> {
-    match outcome {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        outcome => outcome.into_diagnostic(),
-    }
 }
 
 /// This very program, to be started as another process. It is found even after an upgrade has put another file in its place:

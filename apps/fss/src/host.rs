@@ -69,7 +69,7 @@ pub fn run(command: &HostCommand) -> Result<()> {
         clock(),
     ];
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&findings).into_diagnostic()?);
+        say!("{}", serde_json::to_string_pretty(&findings).into_diagnostic()?);
     } else {
         for f in &findings {
             let mark = match f.verdict {
@@ -77,9 +77,9 @@ pub fn run(command: &HostCommand) -> Result<()> {
                 Verdict::Worse => "worse",
                 Verdict::Unfit => "UNFIT",
             };
-            println!("{mark}  {:<14} {}", f.what, f.found);
+            say!("{mark}  {:<14} {}", f.what, f.found);
             if !f.fix.is_empty() {
-                println!("       {:<14} -> {}", "", f.fix);
+                say!("       {:<14} -> {}", "", f.fix);
             }
         }
     }

@@ -2,13 +2,11 @@
 
 mod export;
 
-use crate::files::unless_unread;
 use clap::{Args, Subcommand};
 use fss_messages::{Event, text_of, topic};
 use fss_records::log::{Damage, Log, TopicInfo};
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
-use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Commands on a log.
@@ -96,33 +94,34 @@ fn info(args: &InfoArgs) -> Result<()> {
     };
     if args.json {
         let json = serde_json::to_string_pretty(&info).into_diagnostic()?;
-        return unless_unread(writeln!(io::stdout(), "{json}"));
+        say!("{json}");
+        return Ok(());
     }
     let events = log.samples::<Event>(topic::EVENTS.name).into_diagnostic()?;
-    unless_unread(print_info(&info, &events, &args.log, &mut BufWriter::new(io::stdout().lock())))
+    print_info(&info, &events, &args.log);
+    Ok(())
 }
 
-fn print_info(info: &Info, events: &[Event], path: &Path, out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "{:<24} {:<28} {:>8} {:>10}", "topic", "schema", "count", "rate Hz")?;
+fn print_info(info: &Info, events: &[Event], path: &Path) {
+    say!("{:<24} {:<28} {:>8} {:>10}", "topic", "schema", "count", "rate Hz");
     for t in &info.topics {
         let rate = t.rate_hz.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}"));
-        writeln!(out, "{:<24} {:<28} {:>8} {:>10}", t.topic, t.schema, t.count, rate)?;
+        say!("{:<24} {:<28} {:>8} {:>10}", t.topic, t.schema, t.count, rate);
     }
     let start_ns = info.topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
     for event in events {
         let severity =
             ["debug", "info", "warning", "error", "critical"].get(usize::from(event.severity)).unwrap_or(&"?");
         let t_s = event.stamp_ns.saturating_sub(start_ns) as f64 * 1e-9;
-        writeln!(out, "{t_s:>10.3} s  {severity:<8} {:<10} {}", text_of(&event.service), text_of(&event.text))?;
+        say!("{t_s:>10.3} s  {severity:<8} {:<10} {}", text_of(&event.service), text_of(&event.text));
     }
     if info.damaged_places > 0 {
-        writeln!(out, "damaged in {} places: {} bytes cannot be read", info.damaged_places, info.damaged_bytes)?;
+        say!("damaged in {} places: {} bytes cannot be read", info.damaged_places, info.damaged_bytes);
     }
     if !info.complete {
         let path = path.display();
-        writeln!(out, "the log was cut off or damaged at its end; `fss log recover {path}` makes a whole one")?;
+        say!("the log was cut off or damaged at its end; `fss log recover {path}` makes a whole one");
     }
-    out.flush()
 }
 
 fn recover(args: &RecoverArgs) -> Result<()> {
@@ -133,10 +132,10 @@ fn recover(args: &RecoverArgs) -> Result<()> {
     let found = Log::open(&args.log).into_diagnostic()?.recover_to(&out).into_diagnostic()?;
     let span_s = (found.last_ns - found.first_ns) as f64 * 1e-9;
     let Damage { places, bytes, cut_off_bytes } = found.damage;
-    unless_unread(writeln!(
-        io::stdout(),
+    say!(
         "{}: {} messages over {span_s:.2} s; {places} damaged places ({bytes} bytes), {cut_off_bytes} bytes of an unfinished record",
         out.display(),
         found.messages
-    ))
+    );
+    Ok(())
 }

@@ -1,5 +1,9 @@
 //! The program `fss`: every command, and the launcher.
+#![warn(clippy::print_stdout)] // what is said goes through `console`
 #![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
+
+#[macro_use]
+mod console;
 
 mod bench;
 mod calibrate;

@@ -59,20 +59,20 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
     let diagnosis = read(&args.diagnosis.join("diagnosis.json"))?;
     let (settled, rivals) = undecided(&diagnosis)?;
     if rivals.len() < 2 {
-        println!("Nothing is undecided: no cause has an alternative with a probability of {STILL_POSSIBLE} or more.");
+        say!("Nothing is undecided: no cause has an alternative with a probability of {STILL_POSSIBLE} or more.");
         return Ok(());
     }
-    println!("Undecided between:");
+    say!("Undecided between:");
     for rival in &rivals {
-        println!("  {rival}");
+        say!("  {rival}");
     }
     let mut candidates = candidates(&args.files.plant, &settled, &rivals)?;
     candidates.retain(|c| c.farthest_m < SAFE_M);
     candidates.sort_by(|a, b| b.separation.total_cmp(&a.separation));
     let best = candidates.first().ok_or_else(|| miette!("no candidate maneuver stays on the table"))?;
-    println!("\n{:<28}{:>8}{:>12}{:>8}{:>10}", "maneuver", "theta", "separation", "s", "gas kg");
+    say!("\n{:<28}{:>8}{:>12}{:>8}{:>10}", "maneuver", "theta", "separation", "s", "gas kg");
     for c in &candidates {
-        println!("{:<28}{:>8.0}{:>12.2}{:>8.0}{:>10.4}", c.mission, c.theta_deg, c.separation, c.duration_s, c.gas_kg);
+        say!("{:<28}{:>8.0}{:>12.2}{:>8.0}{:>10.4}", c.mission, c.theta_deg, c.separation, c.duration_s, c.gas_kg);
     }
     let header = format!(
         "# Made by fss next-experiment to decide between {}.\n# Expected separation {:.2} times noise and disturbance, {:.0} s, {:.4} kg of gas.\n",
@@ -83,9 +83,7 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
     );
     write(&args.files.out, &format!("{header}{}", best.text))?;
     if best.separation < 1.0 {
-        println!(
-            "None separates them well: each differs by less than noise and disturbance. A longer flight would help."
-        );
+        say!("None separates them well: each differs by less than noise and disturbance. A longer flight would help.");
     }
     args.files.write_json(&candidates)
 }

@@ -73,7 +73,7 @@ fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     let not_replayed: Vec<String> = NOT_REPLAYED.iter().map(|(name, why)| format!("{name}: {why}")).collect();
     if args.json {
         let answer = Answer { format: "fss-replay/1", identical: !differ && !incomplete, services, not_replayed };
-        println!("{}", serde_json::to_string_pretty(&answer).into_diagnostic()?);
+        say!("{}", serde_json::to_string_pretty(&answer).into_diagnostic()?);
     } else {
         print(&services, &not_replayed);
     }
@@ -87,23 +87,23 @@ fn replay(args: &ReplayArgs) -> Result<ExitCode> {
 }
 
 fn print(services: &[Verdict], not_replayed: &[String]) {
-    println!("{:<12} {:>9} {:>9} {:>9} {:>12}", "service", "starts", "steps", "samples", "differences");
+    say!("{:<12} {:>9} {:>9} {:>9} {:>12}", "service", "starts", "steps", "samples", "differences");
     for v in services {
         let (service, count) = (v.service, v.difference_count);
-        println!("{service:<12} {:>9} {:>9} {:>9} {count:>12}", v.starts, v.steps, v.samples);
+        say!("{service:<12} {:>9} {:>9} {:>9} {count:>12}", v.starts, v.steps, v.samples);
     }
     for v in services {
         for d in v.differences.iter().take(SHOWN) {
-            println!("{}, start {}, step {} at {:.3} s: {d}", v.service, d.start, d.step, d.time_s);
+            say!("{}, start {}, step {} at {:.3} s: {d}", v.service, d.start, d.step, d.time_s);
         }
         if v.difference_count > v.differences.len().min(SHOWN) as u64 {
-            println!("{}: and {} more", v.service, v.difference_count - v.differences.len().min(SHOWN) as u64);
+            say!("{}: and {} more", v.service, v.difference_count - v.differences.len().min(SHOWN) as u64);
         }
         for gap in &v.gaps {
-            println!("{}: not replayed: {gap}", v.service);
+            say!("{}: not replayed: {gap}", v.service);
         }
     }
     for line in not_replayed {
-        println!("not replayed: {line}");
+        say!("not replayed: {line}");
     }
 }

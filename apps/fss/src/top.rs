@@ -47,7 +47,7 @@ pub fn run(args: &TopArgs) -> Result<()> {
         let text = view.text(realtime::now().into_diagnostic()?);
         if args.once {
             if round == 4 {
-                print!("{text}");
+                say_part!("{text}");
                 return Ok(());
             }
             continue;

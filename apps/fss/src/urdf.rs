@@ -1,9 +1,8 @@
 //! `fss urdf`: the vehicle of a plant file, for viewers.
 
-use crate::files::{read_plant, unless_unread};
+use crate::files::read_plant;
 use clap::Args;
 use miette::Result;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Print the vehicle of a plant file as a URDF, for three-dimensional viewers.
@@ -16,5 +15,6 @@ pub struct UrdfArgs {
 /// Prints it.
 pub fn run(args: &UrdfArgs) -> Result<()> {
     let urdf = fss_ground::urdf::urdf(&read_plant(&args.plant)?);
-    unless_unread(std::io::stdout().write_all(urdf.as_bytes()))
+    say_part!("{urdf}");
+    Ok(())
 }

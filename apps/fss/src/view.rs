@@ -73,6 +73,6 @@ pub fn run(args: &ViewArgs) -> Result<()> {
 
 fn serve(listener: TcpListener, files: BTreeMap<String, Content>, stream: Option<Arc<Stream>>) -> Result<Server> {
     let server = Server::new(listener, files, stream).into_diagnostic()?;
-    println!("http://127.0.0.1:{}/   (Ctrl-C ends)", server.port());
+    say!("http://127.0.0.1:{}/   (Ctrl-C ends)", server.port());
     Ok(server)
 }

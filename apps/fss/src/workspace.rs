@@ -68,19 +68,19 @@ pub fn run(args: &WorkspaceArgs) -> Result<()> {
         .map(|q_rad| look(&model, &limits_rad, q_rad, args.directions.into()))
         .collect::<Result<Vec<_>>>()?;
     if let Some(radius_m) = radius_m {
-        println!(
+        say!(
             "radius              {radius_m:.4} m   the end-effector's largest distance from the centre of mass, floating"
         );
     }
-    println!("reach, base held    {area_m2:.4} m^2");
-    println!("largest w2, held    {fixed:.6} m^2");
-    println!("largest w2, free    {floating:.6} m^2");
+    say!("reach, base held    {area_m2:.4} m^2");
+    say!("largest w2, held    {fixed:.6} m^2");
+    say!("largest w2, free    {floating:.6} m^2");
     for look in &looks {
-        println!("from {} deg", degrees(&look.q_rad));
+        say!("from {} deg", degrees(&look.q_rad));
         let free = |of: Option<f64>| of.map_or_else(String::new, |value| format!(", floating {value:.4} m^2"));
         let (paths, ellipse) = (look.floating.as_ref(), look.floating_ellipse.as_ref());
-        println!("  straight paths    held {:.4} m^2{}", look.held.area_m2, free(paths.map(|paths| paths.area_m2)));
-        println!(
+        say!("  straight paths    held {:.4} m^2{}", look.held.area_m2, free(paths.map(|paths| paths.area_m2)));
+        say!(
             "  w2                held {:.4} m^2{}",
             look.held_ellipse.measure_m2(),
             free(ellipse.map(Manipulability::measure_m2))
@@ -109,7 +109,7 @@ pub fn run(args: &WorkspaceArgs) -> Result<()> {
 
 fn write(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-    println!("{}", path.display());
+    say!("{}", path.display());
     Ok(())
 }
 

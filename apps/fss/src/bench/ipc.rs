@@ -107,12 +107,12 @@ pub fn measure() -> Result<IpcTimes> {
 impl IpcTimes {
     /// The table for a person.
     pub fn print(&self) {
-        println!("{:<16} {:>8} {:>8} {:>8}   one way, us", "", "p50", "p99", "p99.9");
+        say!("{:<16} {:>8} {:>8} {:>8}   one way, us", "", "p50", "p99", "p99.9");
         for (name, times) in &self.one_way_us {
-            println!("{name:<16} {:>8.3} {:>8.3} {:>8.3}", times.p50, times.p99, times.p99_9);
+            say!("{name:<16} {:>8.3} {:>8.3} {:>8.3}", times.p50, times.p99, times.p99_9);
         }
-        println!("bus to iceoryx2  {:.2} at the median", self.ratio.bus_to_iceoryx2);
-        println!("{} B, {} round trips each way, in turns", self.payload_bytes, self.round_trips);
+        say!("bus to iceoryx2  {:.2} at the median", self.ratio.bus_to_iceoryx2);
+        say!("{} B, {} round trips each way, in turns", self.payload_bytes, self.round_trips);
     }
 }
 

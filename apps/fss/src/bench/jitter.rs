@@ -13,6 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A turn of either loop, s.
 const TURN_S: f64 = 1.0;
+/// So long a turn runs before it counts, s: our loop opens its ports anew in each, whose memory is touched for the first time then.
+const WARM_UP_S: f64 = 0.2;
 
 /// What the benchmark found.
 #[derive(Serialize)]
@@ -66,13 +68,16 @@ struct Clock {
     last: Option<Time>,
     period_ns: u64,
     missed: u64,
+    /// Steps until the turn counts, and until it is over.
+    warming: u64,
     left: u64,
     stop: Arc<AtomicBool>,
 }
 
 impl Clock {
-    fn begin_turn(&mut self, steps: u64) {
-        (self.left, self.last) = (steps, None);
+    fn begin_turn(&mut self, rate_hz: f64) {
+        (self.warming, self.left) = ((rate_hz * WARM_UP_S) as u64, (rate_hz * TURN_S) as u64);
+        self.last = None;
         self.stop.store(false, Ordering::Relaxed);
     }
 
@@ -83,6 +88,10 @@ impl Clock {
 
     fn tick(&mut self, boundary: Time) {
         let Ok(now) = realtime::now() else { return };
+        if self.warming > 0 {
+            self.warming -= 1;
+            return;
+        }
         self.times.record(now.age_ns(boundary.ns()).max(1));
         let passed_ns = self.last.map_or(self.period_ns, |last| boundary.age_ns(last.ns()));
         self.missed += (passed_ns / self.period_ns).saturating_sub(1);
@@ -124,16 +133,15 @@ fn both(schedule: &Schedule, prefix: &str, turns: u64) -> Result<JitterTimes> {
     let clock = || -> Result<Clock> {
         let (period_ns, stop) = (schedule.period_ns(), Arc::default());
         let (times, turns_us) = (Distribution::new()?, Vec::new());
-        Ok(Clock { times, turns_us, count: 0, last: None, period_ns, missed: 0, left: 0, stop })
+        Ok(Clock { times, turns_us, count: 0, last: None, period_ns, missed: 0, warming: 0, left: 0, stop })
     };
     let granted = realtime::enter(schedule);
     let bus = Bus::shared(&SharedConfig { node: "bench".to_owned(), prefix: prefix.to_owned() }).into_diagnostic()?;
     let mut ours = Runner::new(clock()?, &bus).into_diagnostic()?;
     let mut bare = clock()?;
     for _ in 0..turns {
-        let steps = (rate_hz * TURN_S) as u64;
         for clock in [&mut ours.service, &mut bare] {
-            clock.begin_turn(steps);
+            clock.begin_turn(rate_hz);
         }
         let stop = ours.service.stop.clone();
         process::run(&mut ours, &bus, schedule, 1, &stop, || ()).into_diagnostic()?;
@@ -189,19 +197,25 @@ fn schedule(rate_hz: f64, priority: u8, core: usize) -> Result<Schedule> {
 impl JitterTimes {
     /// The table for a person.
     pub fn print(&self) {
-        println!("{:<16} {:>8} {:>8} {:>8} {:>8}   late, us, at {} Hz", "", "p50", "p90", "p99", "p99.9", self.rate_hz);
+        say!("{:<16} {:>8} {:>8} {:>8} {:>8}   late, us, at {} Hz", "", "p50", "p90", "p99", "p99.9", self.rate_hz);
         for (name, t) in [("our loop", self.ours_us), ("clock_nanosleep", self.bare_us)] {
-            println!("{name:<16} {:>8.1} {:>8.1} {:>8.1} {:>8.1}", t.p50, t.p90, t.p99, t.p99_9);
+            say!("{name:<16} {:>8.1} {:>8.1} {:>8.1} {:>8.1}", t.p50, t.p90, t.p99, t.p99_9);
         }
         let r = &self.ratio;
-        println!("{:<16} {:>8.2} {:>8.2} {:>8.2} {:>8.2}", "ratio", r.p50, r.p90, r.p99, r.p99_9);
+        say!("{:<16} {:>8.2} {:>8.2} {:>8.2} {:>8.2}", "ratio", r.p50, r.p90, r.p99, r.p99_9);
         let c = &self.cycles;
-        println!(
+        say!(
             "{} and {} cycles, {} and {} missed, at most {:.0} and {:.0} us late; the percentiles are medians of {} turns each",
-            c.ours, c.bare, c.ours_missed, c.bare_missed, self.ours_us.max, self.bare_us.max, self.turns
+            c.ours,
+            c.bare,
+            c.ours_missed,
+            c.bare_missed,
+            self.ours_us.max,
+            self.bare_us.max,
+            self.turns
         );
         for missing in &self.missing {
-            println!("without {missing}");
+            say!("without {missing}");
         }
     }
 }

@@ -138,8 +138,8 @@ fn run_bare(path: &Path) -> Result<f64> {
 impl RecorderTimes {
     /// The table for a person.
     pub fn print(&self) {
-        println!("recorder          {:.2} ns a byte, {:.0} MB/s", self.recorder_ns_per_byte, self.recorder_mb_per_s);
-        println!("bare MCAP writer  {:.2} ns a byte, {:.0} MB/s", self.bare_ns_per_byte, self.bare_mb_per_s);
-        println!("ratio             {:.2}, medians of {} turns of {} bytes", self.ratio, self.rounds, self.bytes);
+        say!("recorder          {:.2} ns a byte, {:.0} MB/s", self.recorder_ns_per_byte, self.recorder_mb_per_s);
+        say!("bare MCAP writer  {:.2} ns a byte, {:.0} MB/s", self.bare_ns_per_byte, self.bare_mb_per_s);
+        say!("ratio             {:.2}, medians of {} turns of {} bytes", self.ratio, self.rounds, self.bytes);
     }
 }

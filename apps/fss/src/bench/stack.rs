@@ -92,17 +92,19 @@ impl StackTimes {
     /// The table for a person.
     pub fn print(&self) {
         for (name, percent) in &self.core_percent {
-            println!("{name:<16} {percent:>8.2} % of one core");
+            say!("{name:<16} {percent:>8.2} % of one core");
         }
-        println!("{:<16} {:>8.2} %", "all", self.core_percent_all);
-        println!("{:<16} {:>8.2} %", "without lab", self.core_percent_without_laboratory);
+        say!("{:<16} {:>8.2} %", "all", self.core_percent_all);
+        say!("{:<16} {:>8.2} %", "without lab", self.core_percent_without_laboratory);
         for (what, age) in [("receipt", &self.age_at_valves_ms), ("event", &self.age_since_event_ms)] {
-            println!(
+            say!(
                 "a measurement's age at the valves since its {what:<8} {:.2} ms at the median, {:.2} at the 99th percentile, \
                  {:.2} at most",
-                age.p50, age.p99, age.max
+                age.p50,
+                age.p99,
+                age.max
             );
         }
-        println!("{:.1} % within the base's period of {} ms", self.within_base_period * 100.0, self.base_period_ms);
+        say!("{:.1} % within the base's period of {} ms", self.within_base_period * 100.0, self.base_period_ms);
     }
 }

@@ -196,18 +196,18 @@ fn median(mut values: Vec<f64>) -> f64 {
 impl ViewTimes {
     /// The table for a person.
     pub fn print(&self) {
-        println!("{:<16} {:>10} {:>12} {:>12}", "flight processes", "core, %", "late p50, us", "late p99, us");
+        say!("{:<16} {:>10} {:>12} {:>12}", "flight processes", "core, %", "late p50, us", "late p99, us");
         for (name, cost) in [("alone", self.alone), ("watched", self.watched)] {
-            println!("{name:<16} {:>10.2} {:>12.1} {:>12.1}", cost.core_percent, cost.wake_p50_us, cost.wake_p99_us);
+            say!("{name:<16} {:>10.2} {:>12.1} {:>12.1}", cost.core_percent, cost.wake_p50_us, cost.wake_p99_us);
         }
         let Ratios { core, wake_p50, wake_p99 } = self.ratio;
-        println!("{:<16} {core:>10.2} {wake_p50:>12.2} {wake_p99:>12.2}", "ratio");
+        say!("{:<16} {core:>10.2} {wake_p50:>12.2} {wake_p99:>12.2}", "ratio");
         if let Some(rate) = self.pictures_a_second {
-            print!("{rate:.1} pictures a second");
+            say_part!("{rate:.1} pictures a second");
         }
         if let Some(percent) = self.browser_core_percent {
-            print!("the browser needs {percent:.0} % of a core");
+            say_part!("the browser needs {percent:.0} % of a core");
         }
-        println!("; {} turns of {} s each", self.turns, self.seconds_each);
+        say!("; {} turns of {} s each", self.turns, self.seconds_each);
     }
 }

@@ -36,31 +36,28 @@ impl Kind {
 /// The table.
 pub fn print(estimate: &Estimate, kinds: &[Kind]) {
     if !estimate.parameters.is_empty() {
-        println!("\n{:<30}{:>12}{:>12}{:>28}", "parameter", "value", "std", "95 % interval");
+        say!("\n{:<30}{:>12}{:>12}{:>28}", "parameter", "value", "std", "95 % interval");
     }
     for p in &estimate.parameters {
         let half = estimate.half_width(p.std, QUANTILE_95);
         let interval = format!("{:.5} .. {:.5}", p.value - half, p.value + half);
-        println!("{:<30}{:>12.5}{:>12.5}{interval:>28}", p.name, p.value, p.std);
+        say!("{:<30}{:>12.5}{:>12.5}{interval:>28}", p.name, p.value, p.std);
     }
-    println!();
+    say!();
     for (kind, std) in kinds.iter().zip(&estimate.residual_std).filter(|(_, std)| **std > 0.0) {
-        println!("residuals     {:.4} {} RMS, {}", std * kind.scale, kind.unit, kind.name);
+        say!("residuals     {:.4} {} RMS, {}", std * kind.scale, kind.unit, kind.name);
     }
-    println!("rank          {} of {}", estimate.rank, estimate.unknowns);
+    say!("rank          {} of {}", estimate.rank, estimate.unknowns);
     if estimate.condition.is_finite() {
-        println!("condition     {:.1}", estimate.condition);
+        say!("condition     {:.1}", estimate.condition);
     }
     if !estimate.rejected.is_empty() {
-        println!("outliers      {} instants left out", estimate.rejected.len());
+        say!("outliers      {} instants left out", estimate.rejected.len());
     }
     if !estimate.undetermined.is_empty() {
-        println!(
-            "\nThis data cannot determine {}; they stay as they were:",
-            estimate.undetermined_parameters.join(", ")
-        );
+        say!("\nThis data cannot determine {}; they stay as they were:", estimate.undetermined_parameters.join(", "));
         for line in &estimate.undetermined {
-            println!("  {line}");
+            say!("  {line}");
         }
     }
 }

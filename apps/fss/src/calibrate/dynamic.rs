@@ -73,9 +73,9 @@ fn trajectory(args: &DynamicArgs, plant: &Plant, runs: &[Run]) -> Result<(Estima
     let noise = [sensors.mocap_position_m, sensors.mocap_angle_rad, sensors.encoder_rad].map(|sd| sd.max(1e-5));
     let choice = Choice { each_length: args.each_length, masses: args.masses, torque: args.torque };
     let found = dynamic::calibrate(&model, runs, noise, choice).map_err(|e| refused(&e))?;
-    println!("{:.0} s without thrust", found.used_s);
+    say!("{:.0} s without thrust", found.used_s);
     for remark in &found.remarks {
-        println!("- {remark}");
+        say!("- {remark}");
     }
     Ok((found.estimate, &TRAJECTORY))
 }
@@ -91,15 +91,15 @@ fn attitude(plant: &Plant, runs: &[Run]) -> Result<(Estimate, &'static [Kind])> 
     let noise_rad = plant.sensors.mocap_angle_rad.max(1e-5);
     let estimate =
         attitude::calibrate(&model, &all, noise_rad, attitude::Choice::default()).map_err(|e| refused(&e))?;
-    println!("{} maneuvers of one joint from rest to rest", all.len());
+    say!("{} maneuvers of one joint from rest to rest", all.len());
     if mixed > 0 {
-        println!("- {mixed} motions of several joints at once are left out: the method cannot use them");
+        say!("- {mixed} motions of several joints at once are left out: the method cannot use them");
     }
-    println!(
+    say!(
         "- centres of mass, masses and geometry are held as the plant file has them, and the interval takes them for exact"
     );
     if let Some(p) = estimate.parameters.first() {
-        println!("- the inertia is known to {:.1} percent", 100.0 * p.std / p.value.abs());
+        say!("- the inertia is known to {:.1} percent", 100.0 * p.std / p.value.abs());
     }
     Ok((estimate, &ATTITUDE))
 }

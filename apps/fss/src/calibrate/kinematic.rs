@@ -64,9 +64,9 @@ impl Calibrated {
     /// Tells a person.
     pub fn print(&self) {
         let moving = if self.moving > 0 { format!(" and {} in motion", self.moving) } else { String::new() };
-        println!("poses of the end-effector: {} at rest{moving}", self.still);
+        say!("poses of the end-effector: {} at rest{moving}", self.still);
         for joint in self.standing.iter().filter(|_| self.still + self.moving > 1) {
-            println!(
+            say!(
                 "- joint {joint} stands at one angle in all of them: its offset shows only by how long the arm is there, and the offsets beside it lean on that"
             );
         }

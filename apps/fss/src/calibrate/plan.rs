@@ -86,20 +86,13 @@ pub fn run(args: &PlanArgs) -> Result<()> {
     };
     let made = plan::plan(&model, &limits, usize::from(args.poses), choice, criterion);
     let start = middle_of_table(&plant, &model, &made)?;
-    println!("{} postures; expected standard deviations:\n", made.postures.len());
+    say!("{} postures; expected standard deviations:\n", made.postures.len());
     for (name, std) in &made.expected {
-        println!("{name:<30}{std:>12.6}");
+        say!("{name:<30}{std:>12.6}");
     }
-    println!(
-        "\nwith {:.3} mm and {:.4} deg of noise in a posture",
-        limits.noise[0] * 1e3,
-        limits.noise[1].to_degrees()
-    );
+    say!("\nwith {:.3} mm and {:.4} deg of noise in a posture", limits.noise[0] * 1e3, limits.noise[1].to_degrees());
     if made.blocked > 0 {
-        println!(
-            "- on {} ways between postures the arm comes near the base or itself: look at them first",
-            made.blocked
-        );
+        say!("- on {} ways between postures the arm comes near the base or itself: look at them first", made.blocked);
     }
     let text = mission(&plant, &made, start).into_diagnostic()?;
     write(&args.out, &text)

@@ -34,8 +34,8 @@ exec {program} campaign --out {folder} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\"
     );
     let path = campaign.folder.join("campaign.sbatch");
     crate::files::write(&path, &script)?;
-    println!("submit it with `sbatch {}`, where all machines see this folder;", path.display());
-    println!(
+    say!("submit it with `sbatch {}`, where all machines see this folder;", path.display());
+    say!(
         "`fss campaign --out {}` flies what may be missing then, and tells the figures of all",
         campaign.folder.display()
     );

@@ -4,7 +4,6 @@ use super::definition::Campaign;
 use super::row::{FIGURES, Row};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::io::{self, Write};
 use std::path::Path;
 
 /// Of all runs that were flown so far.
@@ -127,50 +126,40 @@ impl Statistics {
     ///
     /// # Errors
     /// Of writing.
-    pub fn print(&self, folder: &Path, out: &mut impl Write) -> io::Result<()> {
+    pub fn print(&self, folder: &Path) {
         /// More failures, or points, than this are for the files.
         const MOST: usize = 12;
-        writeln!(out, "{}: {} of {} runs flown, {}", self.mission, self.flown, self.runs, self.rate)?;
-        writeln!(out, "\n{:<28} {:>11} {:>11} {:>11} {:>11} {:>11}", "figure", "min", "5 %", "median", "95 %", "max")?;
+        say!("{}: {} of {} runs flown, {}", self.mission, self.flown, self.runs, self.rate);
+        say!("\n{:<28} {:>11} {:>11} {:>11} {:>11} {:>11}", "figure", "min", "5 %", "median", "95 %", "max");
         for (name, _) in FIGURES {
             let Some(d) = self.figures.get(name) else { continue };
             let [min, p5, p50, p95, max] = [d.min, d.p5, d.p50, d.p95, d.max].map(short);
-            writeln!(out, "{name:<28} {min:>11} {p5:>11} {p50:>11} {p95:>11} {max:>11}")?;
+            say!("{name:<28} {min:>11} {p5:>11} {p50:>11} {p95:>11} {max:>11}");
         }
         if !self.points.is_empty() {
-            writeln!(out)?;
+            say!();
         }
         let shown: Vec<String> = self.points.iter().take(MOST).map(|point| words(&point.swept)).collect();
         let width = shown.iter().map(String::len).max().unwrap_or(0);
         for (words, point) in shown.iter().zip(&self.points) {
-            writeln!(out, "{words:<width$}  {}", point.rate)?;
+            say!("{words:<width$}  {}", point.rate);
         }
         if self.points.len() > MOST {
-            writeln!(
-                out,
-                "and {} combinations more; --json FILE has all, with their figures",
-                self.points.len() - MOST
-            )?;
+            say!("and {} combinations more; --json FILE has all, with their figures", self.points.len() - MOST);
         }
         if !self.failures.is_empty() {
-            writeln!(out, "\nnot successful:")?;
+            say!("\nnot successful:");
         }
         for f in self.failures.iter().take(MOST) {
             let swept = if f.swept.is_empty() { String::new() } else { format!(", {}", words(&f.swept)) };
-            writeln!(out, "  run {} (seed {}{swept}): {}: {}", f.run, f.seed, f.outcome, f.reason)?;
+            say!("  run {} (seed {}{swept}): {}: {}", f.run, f.seed, f.outcome, f.reason);
         }
         if self.failures.len() > MOST {
-            writeln!(out, "  and {} more; --json FILE lists all", self.failures.len() - MOST)?;
+            say!("  and {} more; --json FILE lists all", self.failures.len() - MOST);
         }
         if let Some(first) = self.failures.first() {
-            writeln!(
-                out,
-                "`fss campaign --out {} --run {}` flies one again, with its log",
-                folder.display(),
-                first.run
-            )?;
+            say!("`fss campaign --out {} --run {}` flies one again, with its log", folder.display(), first.run);
         }
-        Ok(())
     }
 }
 

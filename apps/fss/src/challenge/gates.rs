@@ -153,13 +153,13 @@ fn calibration(claims: &[(f64, bool)]) -> Option<f64> {
 
 /// Prints the table and the misses.
 pub fn print(played: &[&Played]) {
-    println!("{} seeds\n", played.len());
-    println!("{:<46} {:>8} {:>15} {:>6} {:>7} {:>8}", "", "reached", "90 % interval", "cases", "gate", "stretch");
+    say!("{} seeds\n", played.len());
+    say!("{:<46} {:>8} {:>15} {:>6} {:>7} {:>8}", "", "reached", "90 % interval", "cases", "gate", "stretch");
     for gate in table(played) {
         let number = |value: f64| if gate.is_share { format!("{:.1} %", value * 100.0) } else { format!("{value:.2}") };
         let interval =
             gate.interval.map_or_else(String::new, |(a, b)| format!("{:.0} to {:.0} %", a * 100.0, b * 100.0));
-        println!(
+        say!(
             "{:<46} {:>8} {:>15} {:>6} {:>7} {:>8}  {}",
             gate.name,
             gate.value.map_or_else(|| "-".to_owned(), number),
@@ -171,16 +171,16 @@ pub fn print(played: &[&Played]) {
         );
     }
     let misses: Vec<&&Played> = played.iter().filter(|p| is_miss(p)).collect();
-    println!("\n{} misses", misses.len());
+    say!("\n{} misses", misses.len());
     for p in misses {
         let hidden: Vec<_> =
             p.hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.clear_dose())).collect();
         let said: Vec<_> =
             p.said.causes.iter().map(|c| format!("{} {:.0} %", c.record, c.probability * 100.0)).collect();
         let or = |list: Vec<String>, none: &str| if list.is_empty() { none.to_owned() } else { list.join(" and ") };
-        println!("  seed {:<5} hidden: {}", p.hidden.seed, or(hidden, "nothing"));
-        println!("             said: {}, {}", p.said.verdict, or(said, "no cause"));
-        println!("             {}", story::verdict(p));
+        say!("  seed {:<5} hidden: {}", p.hidden.seed, or(hidden, "nothing"));
+        say!("             said: {}, {}", p.said.verdict, or(said, "no cause"));
+        say!("             {}", story::verdict(p));
     }
 }
 

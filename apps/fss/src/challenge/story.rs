@@ -8,40 +8,37 @@ use std::path::Path;
 /// Tells what was said, what was hidden, and how good that is.
 pub fn tell(played: &Played, folder: &Path) {
     let Played { hidden, said, score, .. } = played;
-    println!("Challenge of seed {}", hidden.seed);
-    println!("  flown in {:.1} s, diagnosed in {:.1} s\n", played.flown_in_s, played.diagnosed_in_s);
-    println!("The diagnosis says: {}", said.verdict.replace('_', " "));
+    say!("Challenge of seed {}", hidden.seed);
+    say!("  flown in {:.1} s, diagnosed in {:.1} s\n", played.flown_in_s, played.diagnosed_in_s);
+    say!("The diagnosis says: {}", said.verdict.replace('_', " "));
     for cause in &said.causes {
-        println!("  {:3.0} %  {}", cause.probability * 100.0, cause.record);
+        say!("  {:3.0} %  {}", cause.probability * 100.0, cause.record);
         for (name, value) in &cause.record.parameters {
             if let Some(std) = cause.std.get(name) {
-                println!("           {name} = {} +- {}", short(*value), short(*std));
+                say!("           {name} = {} +- {}", short(*value), short(*std));
             }
         }
         for (record, probability) in &cause.alternatives {
-            println!("    or {:3.0} %  {record}", probability * 100.0);
+            say!("    or {:3.0} %  {record}", probability * 100.0);
         }
     }
-    println!(
+    say!(
         "  RMS over the noise floor on the validation run: {:.2}, with its model {:.2}\n",
-        said.ratio_before, said.ratio_after
+        said.ratio_before,
+        said.ratio_after
     );
 
-    println!("The envelope ({}) says:", folder.join(ENVELOPE_FILE).display());
+    say!("The envelope ({}) says:", folder.join(ENVELOPE_FILE).display());
     if hidden.effects.is_empty() {
-        println!("  nothing is hidden");
+        say!("  nothing is hidden");
     }
     for effect in &hidden.effects {
-        println!("  {}, dose {:.2}", effect.record, effect.dose);
+        say!("  {}, dose {:.2}", effect.record, effect.dose);
     }
-    println!("\n{}", verdict(played));
+    say!("\n{}", verdict(played));
     if let Some(error) = score.errors.first() {
         let covered = score.covered.iter().filter(|covered| **covered).count();
-        println!(
-            "  error {:.1} %, {covered} of {} values within their 90 % interval",
-            error * 100.0,
-            score.covered.len()
-        );
+        say!("  error {:.1} %, {covered} of {} values within their 90 % interval", error * 100.0, score.covered.len());
     }
 }
 

@@ -9,30 +9,31 @@ pub const FAR: f64 = 1.3;
 
 /// Prints it.
 pub fn print(diagnosis: &Diagnosis) {
-    diagnosis.remarks.iter().for_each(|remark| println!("{remark}"));
-    diagnosis.input_mismatch.iter().for_each(|mismatch| println!("{mismatch}"));
+    diagnosis.remarks.iter().for_each(|remark| say!("{remark}"));
+    diagnosis.input_mismatch.iter().for_each(|mismatch| say!("{mismatch}"));
     table(diagnosis);
-    println!("\n{}", headline(diagnosis));
+    say!("\n{}", headline(diagnosis));
     for cause in &diagnosis.causes {
         print_cause(cause);
     }
     if !diagnosis.suspects.is_empty() {
-        println!("\nCame nearest, but is not asserted:");
+        say!("\nCame nearest, but is not asserted:");
         diagnosis.suspects.iter().for_each(print_cause);
     }
     if let Some(left) = &diagnosis.unexplained {
-        println!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
+        say!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
         if let Some((channel, run, ratio)) = &left.worst {
-            println!("  most in {channel} of {run}, {ratio:.1} times its noise");
+            say!("  most in {channel} of {run}, {ratio:.1} times its noise");
         }
         for (what, share) in &left.depends_on {
-            println!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
+            say!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
         }
     }
     let on = if diagnosis.validation_before.is_empty() { "the fitted runs" } else { "the validation runs" };
-    println!(
+    say!(
         "\nRMS over the noise on {on}: {:.3} with the plant file, {:.3} with the extended model\n",
-        diagnosis.gain.before, diagnosis.gain.after
+        diagnosis.gain.before,
+        diagnosis.gain.after
     );
 }
 
@@ -49,19 +50,19 @@ pub fn headline(diagnosis: &Diagnosis) -> &'static str {
 }
 
 fn print_cause(cause: &Cause) {
-    println!("\n  {}  (probability {:.3})", title(cause), cause.probability);
-    println!("    {}", cause.effect.about().sentence);
+    say!("\n  {}  (probability {:.3})", title(cause), cause.probability);
+    say!("    {}", cause.effect.about().sentence);
     for (i, (p, v)) in cause.effect.about().parameters.iter().zip(cause.effect.values()).enumerate() {
         match cause.std.get(i) {
             Some(std) => {
                 let digits = digits_of(*std);
-                println!("    {:<26}{v:>12.digits$} +- {std:.digits$} {}", p.name, p.unit);
+                say!("    {:<26}{v:>12.digits$} +- {std:.digits$} {}", p.name, p.unit);
             }
-            None => println!("    {:<26}{v:>12}", p.name),
+            None => say!("    {:<26}{v:>12}", p.name),
         }
     }
     for other in &cause.alternatives {
-        println!("    or {} (probability {:.3})", other.effect, other.probability);
+        say!("    or {} (probability {:.3})", other.effect, other.probability);
     }
 }
 
@@ -88,27 +89,27 @@ fn table(diagnosis: &Diagnosis) {
             channels.push(&m.channel);
         }
     }
-    println!("RMS error over the noise, by run and channel (1 is what noise alone gives)\n");
-    print!("{:<36}", "run");
+    say!("RMS error over the noise, by run and channel (1 is what noise alone gives)\n");
+    say_part!("{:<36}", "run");
     for channel in &channels {
-        print!("{channel:>11}");
+        say_part!("{channel:>11}");
     }
-    println!();
+    say!();
     for (runs, mark) in [(fitted, ""), (validation, " (validation)")] {
         let mut rows: BTreeMap<&str, BTreeMap<&str, &ChannelMisfit>> = BTreeMap::new();
         for m in runs {
             rows.entry(&m.run).or_default().insert(&m.channel, m);
         }
         for (run, row) in rows {
-            print!("{:<36}", format!("{run}{mark}"));
+            say_part!("{:<36}", format!("{run}{mark}"));
             for channel in &channels {
                 match row.get(channel) {
-                    Some(m) if m.noise > 0.0 => print!("{:>11.2}", m.ratio()),
-                    Some(m) => print!("{:>11}", format!("{:.2e}?", m.rms)),
-                    None => print!("{:>11}", "-"),
+                    Some(m) if m.noise > 0.0 => say_part!("{:>11.2}", m.ratio()),
+                    Some(m) => say_part!("{:>11}", format!("{:.2e}?", m.rms)),
+                    None => say_part!("{:>11}", "-"),
                 }
             }
-            println!();
+            say!();
         }
     }
 }

@@ -1,11 +1,9 @@
 //! `fss log export`: every topic as a table for other programs.
 
-use crate::files::unless_unread;
 use clap::{Args, ValueEnum};
 use fss_records::log::{Log, TopicInfo};
 use fss_records::table::{CsvFile, MatlabFile, ParquetFile, Table, TableFile};
 use miette::{IntoDiagnostic, Result, WrapErr};
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Rows that are in memory at once; a MATLAB file needs a topic whole.
@@ -65,7 +63,8 @@ fn stream<F: TableFile>(log: &Log, topic: &TopicInfo, path: &Path) -> Result<()>
     };
     log.tables(&topic.topic, ROWS, each).into_diagnostic()?;
     file.map_or(Ok(()), TableFile::finish).into_diagnostic()?;
-    say(path, topic.count)
+    say!("{} ({} messages)", path.display(), topic.count);
+    Ok(())
 }
 
 fn matlab(log: &Log, topics: &[TopicInfo], path: &Path) -> Result<()> {
@@ -75,9 +74,6 @@ fn matlab(log: &Log, topics: &[TopicInfo], path: &Path) -> Result<()> {
         log.tables(&topic.topic, usize::MAX, |table| file.append(&name, table)).into_diagnostic()?;
     }
     file.finish().into_diagnostic()?;
-    say(path, topics.iter().map(|topic| topic.count).sum())
-}
-
-fn say(path: &Path, messages: u64) -> Result<()> {
-    unless_unread(writeln!(io::stdout(), "{} ({messages} messages)", path.display()))
+    say!("{} ({} messages)", path.display(), topics.iter().map(|topic| topic.count).sum::<u64>());
+    Ok(())
 }

@@ -227,9 +227,9 @@ impl StopFigures {
     /// A line for a person.
     pub fn print(&self) {
         let (used, least) = (self.gas_used_kg * 1e3, self.least_gas_kg * 1e3);
-        println!("stop               {used:.2} g of gas, at least {least:.2} g are needed: ratio {:.3}", self.ratio);
+        say!("stop               {used:.2} g of gas, at least {least:.2} g are needed: ratio {:.3}", self.ratio);
         let ([v0, v1], [w0, w1]) = (self.speed_m_s.map(|v| v * 1e3), self.rate_deg_s);
-        println!("                   from {w0:.2} deg/s and {v0:.1} mm/s to {w1:.3} deg/s and {v1:.1} mm/s");
+        say!("                   from {w0:.2} deg/s and {v0:.1} mm/s to {w1:.3} deg/s and {v1:.1} mm/s");
     }
 }
 
@@ -237,17 +237,17 @@ impl CaptureFigures {
     /// Lines for a person.
     pub fn print(&self) {
         let (Some(miss), Some(speed)) = (self.miss_m, self.contact_speed_m_s) else {
-            println!("capture            failed: the gripper took nothing");
+            say!("capture            failed: the gripper took nothing");
             return;
         };
         let what = if self.success { "the target was taken" } else { "the target was lost again" };
-        println!("capture            {what}; missed by {:.2} mm at {:.2} mm/s", miss * 1e3, speed * 1e3);
+        say!("capture            {what}; missed by {:.2} mm at {:.2} mm/s", miss * 1e3, speed * 1e3);
         if let (Some(before), Some(after)) = (self.momentum_before, self.momentum_after) {
             let show = |p: [f64; 3]| format!("({:.6}, {:.6}) kg m/s, {:.6} kg m2/s", p[0], p[1], p[2]);
-            println!("momentum           before {}\n                   after  {}", show(before), show(after));
+            say!("momentum           before {}\n                   after  {}", show(before), show(after));
         }
         let turned = self.base_turned_deg.unwrap_or(0.0);
-        println!(
+        say!(
             "                   the base turned by {turned:.2} deg meanwhile, {:.2} m from the edge",
             self.room_on_table_m
         );
@@ -257,7 +257,7 @@ impl CaptureFigures {
 impl CarryFigures {
     /// Lines for a person.
     pub fn print(&self) {
-        println!(
+        say!(
             "carried            {:.2} m, off the straight legs by {:.1} mm RMS and {:.1} mm at most, with {:.2} g of gas",
             self.path_m,
             self.deviation_rms_m * 1e3,
@@ -267,10 +267,10 @@ impl CarryFigures {
         let (Some(apart_m), Some(turned_deg), Some(speed_m_s), Some(rate_deg_s)) =
             (self.placed_error_m, self.placed_error_deg, self.left_speed_m_s, self.left_rate_deg_s)
         else {
-            println!("                   and was never let go");
+            say!("                   and was never let go");
             return;
         };
-        println!(
+        say!(
             "                   let go {:.1} mm and {turned_deg:.2} deg from the path's end, where it stays at {:.2} mm/s and \
              {rate_deg_s:.3} deg/s",
             apart_m * 1e3,

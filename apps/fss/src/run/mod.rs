@@ -194,9 +194,9 @@ fn conclude(stack: &Stack, folder: &Path, ended: Option<&MissionState>) -> Resul
         write("run.svg", svg)?;
     }
     summary.print();
-    println!("log                {}", folder.join(LOG_FILE).display());
+    say!("log                {}", folder.join(LOG_FILE).display());
     if let Some(calibrated) = calibrated {
-        print!("calibration        ");
+        say_part!("calibration        ");
         calibrated.print();
         calibrated.write(&stack.plant, &folder.join(CALIBRATED_FILE))?;
     }

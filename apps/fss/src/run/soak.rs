@@ -123,7 +123,7 @@ pub fn run(args: &SoakArgs) -> Result<()> {
     if let Some(path) = &args.json {
         std::fs::write(path, &json).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
     }
-    println!("{json}");
+    say!("{json}");
     Ok(())
 }
 

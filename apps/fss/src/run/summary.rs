@@ -242,22 +242,22 @@ impl Records {
 impl Summary {
     /// The short table for a person.
     pub fn print(&self) {
-        println!("\n{:<26} {:>8} {:>10}", "topic", "count", "rate Hz");
+        say!("\n{:<26} {:>8} {:>10}", "topic", "count", "rate Hz");
         for t in &self.topics {
-            println!("{:<26} {:>8} {:>10}", t.name, t.count, number(t.rate_hz, 1.0, 2));
+            say!("{:<26} {:>8} {:>10}", t.name, t.count, number(t.rate_hz, 1.0, 2));
         }
-        println!("\nmission            {} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s);
+        say!("\nmission            {} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s);
         if let Some(r) = &self.base_rotation_deg {
-            println!("base rotation      {:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg);
+            say!("base rotation      {:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg);
         }
         if let Some(e) = &self.end_effector {
             let error = number(e.final_error_m, 1e3, 2);
             let worst = number(e.max_error_m, 1e3, 2);
-            println!("end-effector       moved {:.4} m, error {error} mm at the end, {worst} mm at most", e.moved_m);
+            say!("end-effector       moved {:.4} m, error {error} mm at the end, {worst} mm at most", e.moved_m);
         }
         if let Some(n) = &self.navigation {
             let (p, h) = (n.position_rms_m * 1e3, n.heading_rms_deg);
-            println!("navigation error   {p:.3} mm and {h:.4} deg RMS against truth");
+            say!("navigation error   {p:.3} mm and {h:.4} deg RMS against truth");
         }
         if let Some(stop) = &self.stop {
             stop.print();
@@ -268,16 +268,16 @@ impl Summary {
         if let Some(carry) = &self.carry {
             carry.print();
         }
-        println!("gas used           {} g", number(self.gas_used_kg, 1e3, 2));
+        say!("gas used           {} g", number(self.gas_used_kg, 1e3, 2));
         let total = |f: fn(&ServiceFigures) -> u64| self.services.values().map(f).sum::<u64>();
-        println!(
+        say!(
             "overruns           {} of {} cycles, {} boundaries skipped",
             total(|s| s.overruns),
             total(|s| s.cycles),
             total(|s| s.skipped)
         );
         for warning in &self.warnings {
-            println!("warning            {warning}");
+            say!("warning            {warning}");
         }
     }
 }
