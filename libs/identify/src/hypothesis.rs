@@ -160,6 +160,11 @@ impl Hypothesis {
         self.nominal.id() == "joint_flexibility"
     }
 
+    /// Whether it is a drive on which a link swings.
+    pub(crate) fn is_swing(&self) -> bool {
+        self.is_compliance() && self.has_shape
+    }
+
     /// The pairs of effects between which each coordinate is differenced, and the step.
     pub(crate) fn differences(&self) -> Vec<(Option<Effect>, Effect, f64)> {
         if self.is_discrete {

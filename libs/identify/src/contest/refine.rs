@@ -17,6 +17,9 @@ const ROUNDS: usize = 6;
 const LEAST_STEP: f64 = 0.5;
 const LEAST_STEP_SHARE_IF_CHAOTIC: f64 = 1e-4;
 
+/// Share of a drive's stiffness over which what it does is differenced: from a few times this on, swings are no matter of proportion.
+const COMPLIANCE_STEP: f64 = 2e-3;
+
 /// Causes with the values that fit best.
 #[derive(Clone)]
 pub(crate) struct Refined {
@@ -50,10 +53,11 @@ impl Refined {
     }
 }
 
-struct Point {
-    effects: Vec<Effect>,
+/// Effects, and what they leave.
+pub(super) struct Point {
+    pub(super) effects: Vec<Effect>,
     cells: Vec<Cell>,
-    residuals: Vec<DVector<f64>>,
+    pub(super) residuals: Vec<DVector<f64>>,
 }
 
 impl Contest {
@@ -78,7 +82,7 @@ impl Contest {
 
     /// Fits the parameters of `effects`, beginning at their values.
     pub(crate) fn refine(&self, hypotheses: &[usize], effects: &[Effect]) -> Result<Refined, ModelError> {
-        let mut now = self.point(effects)?;
+        let mut now = self.walk(hypotheses, self.point(effects)?)?;
         let mut columns = self.columns_at(hypotheses, &now)?;
         let mut reduced = self.reduce(&now.residuals, &columns);
         for _ in 0..ROUNDS {
@@ -114,7 +118,7 @@ impl Contest {
         })
     }
 
-    fn point(&self, effects: &[Effect]) -> Result<Point, ModelError> {
+    pub(super) fn point(&self, effects: &[Effect]) -> Result<Point, ModelError> {
         let cells = self.evidence.under(&self.trial_with(effects), &self.evidence.cells)?;
         let residuals = cells.iter().map(|c| c.residual.clone()).collect();
         Ok(Point { effects: effects.to_vec(), cells, residuals })
@@ -172,7 +176,7 @@ impl Contest {
                 let mut step = (0.02 * about.scale)
                     .min(0.05 * (value - hypothesis.nominal.values()[i]).abs().max(1e-4 * about.scale));
                 if hypothesis.is_compliance() {
-                    step = 0.02 * value;
+                    step = COMPLIANCE_STEP * value;
                 } else if value + step > about.upper {
                     step = -step;
                 }

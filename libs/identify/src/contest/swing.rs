@@ -4,7 +4,9 @@
 //! slope leads to the right one. So each drive is tried at many, on the run that is shaken most.
 
 use super::Contest;
+use super::refine::Point;
 use crate::evidence::Cell;
+use crate::floating::swing::around;
 use crate::hypothesis::{Hypothesis, swinging};
 use crate::measured::Run;
 use fss_multibody::ModelError;
@@ -16,6 +18,8 @@ use rayon::prelude::*;
 const SOFTEST_N_M_RAD: f64 = 200.0 / 9.0;
 const TRIED: usize = 20;
 const TIMES: f64 = 1.221_063_945_4; // 3^(2/11)
+/// Steps that a drive walks at most.
+const STEPS: usize = 12;
 
 impl Contest {
     /// For each drive, the stiffness at which it would explain best what the record shows; none where no log tells what
@@ -44,5 +48,30 @@ impl Contest {
         };
         let all: Result<Vec<_>, ModelError> = drives.iter().map(best).collect();
         Ok(all?.into_iter().flatten().collect())
+    }
+
+    /// Drives whose links swing, moved to the best of the stiffnesses nearby at which they are simulated.
+    pub(super) fn walk(&self, hypotheses: &[usize], start: Point) -> Result<Point, ModelError> {
+        let mut now = start;
+        let swings = (0..hypotheses.len()).filter(|i| self.hypotheses[hypotheses[*i]].is_swing());
+        for which in swings {
+            let mut least = self.reduce(&now.residuals, &[]).normal.c;
+            for _ in 0..STEPS {
+                let there = |stiffness: f64| -> Result<(f64, Point), ModelError> {
+                    let mut effects = now.effects.clone();
+                    effects[which] = effects[which].clone().with(&[stiffness]);
+                    let point = self.point(&effects)?;
+                    Ok((self.reduce(&point.residuals, &[]).normal.c, point))
+                };
+                let near = around(now.effects[which].values()[0]).into_iter().map(there);
+                let near = near.collect::<Result<Vec<_>, _>>()?;
+                let Some((cost, best)) = near.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+                if cost >= least {
+                    break;
+                }
+                (least, now) = (cost, best);
+            }
+        }
+        Ok(now)
     }
 }

@@ -2,7 +2,7 @@
 
 mod arm;
 mod layout;
-mod swing;
+pub(crate) mod swing;
 mod telemetry;
 mod torque;
 

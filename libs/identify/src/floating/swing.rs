@@ -148,14 +148,30 @@ impl Swings {
 
 /// Stiffnesses around this one at which drives are simulated, each with its weight; where it is one of them, that alone.
 fn nodes(stiffness_n_m_rad: f64, weights: fn(f64) -> [f64; 4]) -> Vec<(f64, f64)> {
-    let node = |k: f64| SIMULATED_N_M_RAD * 3.0_f64.powf(k / IN_THREEFOLD);
-    let at = IN_THREEFOLD * (stiffness_n_m_rad / SIMULATED_N_M_RAD).ln() / 3.0_f64.ln();
+    let at = place(stiffness_n_m_rad);
     if (at - at.round()).abs() < NEAR {
         return vec![(1.0, node(at.round()))];
     }
     let before = at.floor();
     let around = [-1.0, 0.0, 1.0, 2.0].map(|k| node(before + k));
     weights(at - before).into_iter().zip(around).filter(|(w, _)| *w != 0.0).collect()
+}
+
+/// Four stiffnesses around this one, and other than it, at which drives are simulated: two on each side.
+pub(crate) fn around(stiffness_n_m_rad: f64) -> [f64; 4] {
+    let at = place(stiffness_n_m_rad);
+    let (below, above) = ((at - NEAR).floor(), (at + NEAR).ceil());
+    [below - 1.0, below, above, above + 1.0].map(node)
+}
+
+/// Where a stiffness lies among those at which drives are simulated, which are at whole numbers.
+fn place(stiffness_n_m_rad: f64) -> f64 {
+    IN_THREEFOLD * (stiffness_n_m_rad / SIMULATED_N_M_RAD).ln() / 3.0_f64.ln()
+}
+
+/// The stiffness at a place, N m/rad.
+fn node(place: f64) -> f64 {
+    SIMULATED_N_M_RAD * 3.0_f64.powf(place / IN_THREEFOLD)
 }
 
 /// Weights of values at -1, 0, 1 and 2 in the cubic through them (Lagrange), from 0 to 1.
