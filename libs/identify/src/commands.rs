@@ -2,16 +2,19 @@
 
 use crate::measured::Many;
 use fss_multibody::ModelError;
-use fss_plant::{JointCommand, Plant, Simulation};
+use fss_plant::{JointCommand, Plant, Servo, Simulation};
 
 /// A link goes on at a command's rate for this long, s.
 const MOVE_ON_S: f64 = 0.4;
-/// How often commands are looked at, s.
+/// How often commands are looked at, and drivers look at their joints, s.
 const STEP_S: f64 = 1e-3;
 /// Between the rows of the joints' motion, in such steps.
 const ROW_STEPS: usize = 10;
-/// The same where links swing on their drives.
-const SWING_ROW_STEPS: usize = 5;
+/// The same where links swing on their drives, which is simulated often.
+const SWING_STEP_S: f64 = 2e-3;
+const SWING_ROW_STEPS: usize = 3;
+/// A driver that undoes more than this share of its motor's error of rate within a step is looked at every `STEP_S`.
+const HASTY: f64 = 1.5;
 
 /// How motors, and links on elastic drives, carry out commands.
 #[derive(Clone, Debug, Default)]
@@ -53,21 +56,26 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// Plays the commands on a plant without its room's air; `see` is called every `every` steps of a millisecond.
+    /// Plays the commands on a plant; `see` is called every `every` steps of a millisecond.
     ///
     /// # Errors
     /// When effects make a mass or an inertia impossible.
-    pub fn play(
+    pub fn play(&self, plant: &Plant, seed: u64, every: usize, see: impl FnMut(&Simulation)) -> Result<(), ModelError> {
+        self.play_in_steps(STEP_S, plant, seed, every, see)
+    }
+
+    fn play_in_steps(
         &self,
+        step_s: f64,
         plant: &Plant,
         seed: u64,
         every: usize,
         mut see: impl FnMut(&Simulation),
     ) -> Result<(), ModelError> {
-        let mut simulation = Simulation::new(plant, seed)?;
+        let mut simulation = Simulation::new(plant, seed)?.in_steps_of(step_s);
         simulation.set_state(self.pose, [0.0; 3], &self.q_rad, &[]);
         let (mut told, mut opened) = (vec![0; self.joints.len()], 0);
-        for step in 0..=(self.end_s / STEP_S) as usize {
+        for step in 0..=(self.end_s / step_s) as usize {
             if step % every.max(1) == 0 {
                 see(&simulation);
             }
@@ -84,7 +92,7 @@ impl Commands {
                 simulation.set_valves(open);
                 opened += 1;
             }
-            simulation.step(STEP_S);
+            simulation.step(step_s);
         }
         Ok(())
     }
@@ -112,8 +120,11 @@ impl Commands {
     pub fn swung(&self, plant: &Plant) -> Result<CarriedOut, ModelError> {
         let empty = || Many { t_s: Vec::new(), values: vec![Vec::new(); self.joints.len()] };
         let mut out = CarriedOut { motor: empty(), link: empty(), link_rate: empty() };
+        let is_hasty = |servo: &Servo| servo.velocity_gain_n_m_s_rad * SWING_STEP_S > HASTY * servo.rotor_inertia_kg_m2;
+        let any_is_hasty = (0..plant.link_count()).any(|joint| is_hasty(plant.servo(joint)));
+        let step_s = if any_is_hasty { STEP_S } else { SWING_STEP_S };
         let still = Plant { disturbance: None, ..plant.clone() };
-        self.play(&still, 0, SWING_ROW_STEPS, |simulation| {
+        self.play_in_steps(step_s, &still, 0, SWING_ROW_STEPS, |simulation| {
             let truth = simulation.truth();
             for (many, value) in
                 [(&mut out.motor, truth.motor_rad), (&mut out.link, truth.q_rad), (&mut out.link_rate, truth.qd_rad_s)]

@@ -6,18 +6,19 @@
 use super::Contest;
 use super::refine::Point;
 use crate::evidence::Cell;
-use crate::floating::swing::around;
+use crate::floating::swing::{STIFF_N_M_RAD, around, at_place};
 use crate::hypothesis::{Hypothesis, swinging};
 use crate::measured::Run;
 use fss_multibody::ModelError;
+use fss_plant::Effect;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-/// Stiffnesses at which every drive is tried, N m/rad: so many, from the softest on, each so many times the one before. These are
-/// stiffnesses at which drives are simulated.
-const SOFTEST_N_M_RAD: f64 = 200.0 / 9.0;
-const TRIED: usize = 20;
-const TIMES: f64 = 1.221_063_945_4; // 3^(2/11)
+/// Of the stiffnesses at which drives are simulated, the places of the softest and the stiffest that are tried, and how far apart
+/// they lie: 22 to 990 N m/rad, each 1.22 times the one before.
+const SOFTEST: i32 = -22;
+const STIFFEST: i32 = 16;
+const APART: usize = 2;
 /// Steps that a drive walks at most.
 const STEPS: usize = 12;
 
@@ -27,34 +28,42 @@ impl Contest {
     pub(super) fn swinging(&self, runs: &[Run], record: usize) -> Result<Vec<Hypothesis>, ModelError> {
         let drives = swinging(&self.trial.plant, runs);
         let cells: Vec<Cell> = self.evidence.cells.iter().filter(|c| c.record == record).cloned().collect();
-        let left = |drive: &Hypothesis, stiffness: f64| -> Result<(f64, Hypothesis), ModelError> {
-            let drive = drive.probed_at(&[stiffness]);
-            let mut fresh = self.evidence.residuals(&self.trial.with(&drive.probe), &cells)?.into_iter();
+        let left = |drive: &Hypothesis, place: i32| -> Result<(f64, i32), ModelError> {
+            let soft = drive.with(&[at_place(f64::from(place))]);
+            let mut fresh = self.evidence.residuals(&self.trial.with(&soft), &cells)?.into_iter();
             let after =
                 |c: &Cell| if c.record == record { fresh.next() } else { None }.unwrap_or_else(|| c.residual.clone());
             let residuals: Vec<DVector<f64>> = self.evidence.cells.iter().map(after).collect();
             // What uncertain masses do is more than any swing.
-            Ok((self.reduce(&residuals, &[]).normal.c, drive))
+            Ok((self.reduce(&residuals, &[]).normal.c, place))
         };
-        let least = |all: Vec<(f64, Hypothesis)>| all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         let best = |drive: &Hypothesis| -> Result<Option<Hypothesis>, ModelError> {
-            let steps = (0..TRIED).into_par_iter();
-            let coarse = steps.map(|k| left(drive, SOFTEST_N_M_RAD * TIMES.powi(k as i32)));
-            let Some(best) = least(coarse.collect::<Result<_, _>>()?) else { return Ok(None) };
-            let near = [1.0 / TIMES.sqrt(), TIMES.sqrt()].map(|by| best.1.probe.values()[0] * by);
-            let mut all = near.into_par_iter().map(|k| left(drive, k)).collect::<Result<Vec<_>, _>>()?;
-            all.push(best);
-            Ok(least(all).map(|(_, drive)| drive))
+            let tried: Vec<i32> = (SOFTEST..=STIFFEST).step_by(APART).collect();
+            let mut all = tried.into_par_iter().map(|place| left(drive, place)).collect::<Result<Vec<_>, _>>()?;
+            let Some((_, coarse)) = all.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(None) };
+            for place in [coarse - 1, coarse + 1] {
+                all.push(left(drive, place)?);
+            }
+            let least = all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+            Ok(least.map(|(_, place)| drive.probed_at(&[at_place(f64::from(place))])))
         };
         let all: Result<Vec<_>, ModelError> = drives.iter().map(best).collect();
         Ok(all?.into_iter().flatten().collect())
     }
 
+    /// Whether an effect is a drive on which a link swings, and it is simulated so.
+    pub(super) fn swings(&self, hypothesis: usize, effect: &Effect) -> bool {
+        let any_is_asked = || self.hypotheses.iter().any(Hypothesis::is_swing);
+        self.hypotheses[hypothesis].is_compliance() && effect.values()[0] < STIFF_N_M_RAD && any_is_asked()
+    }
+
     /// Drives whose links swing, moved to the best of the stiffnesses nearby at which they are simulated.
     pub(super) fn walk(&self, hypotheses: &[usize], start: Point) -> Result<Point, ModelError> {
         let mut now = start;
-        let swings = (0..hypotheses.len()).filter(|i| self.hypotheses[hypotheses[*i]].is_swing());
-        for which in swings {
+        for which in 0..hypotheses.len() {
+            if !self.swings(hypotheses[which], &now.effects[which]) {
+                continue;
+            }
             let mut least = self.reduce(&now.residuals, &[]).normal.c;
             for _ in 0..STEPS {
                 let there = |stiffness: f64| -> Result<(f64, Point), ModelError> {

@@ -37,7 +37,7 @@ impl Contest {
             if self.hypotheses[*h].is_compliance() {
                 // Fitted by its inverse.
                 std[0] *= effect.values()[0].powi(2);
-                if self.hypotheses[*h].is_swing() {
+                if self.swings(*h, effect) {
                     std[0] = std[0].hypot(SWING_SHARE * effect.values()[0]);
                 }
             }

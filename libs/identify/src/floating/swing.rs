@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A drive stiffer than this follows its torque at once, N m/rad: its link swings faster than the simulation's steps, and is
 /// damped sooner than anything is measured.
-const STIFF_N_M_RAD: f64 = 3000.0;
+pub(crate) const STIFF_N_M_RAD: f64 = 3000.0;
 /// One stiffness at which drives are simulated, N m/rad.
 const SIMULATED_N_M_RAD: f64 = 200.0;
 /// What a drive does changes smoothly with its stiffness: drives are simulated at so many stiffnesses from one to three times it,
@@ -23,7 +23,7 @@ const IN_THREEFOLD: f64 = 11.0;
 const NEAR: f64 = 0.01;
 /// So many simulations, and arms that telemetry corrects, are remembered: a contest asks for the same again and again.
 const REMEMBERED_SIMULATIONS: usize = 100;
-const REMEMBERED: usize = 6;
+const REMEMBERED: usize = 16;
 
 /// A run's arm on elastic drives.
 pub(super) struct Swings {
@@ -150,10 +150,10 @@ impl Swings {
 fn nodes(stiffness_n_m_rad: f64, weights: fn(f64) -> [f64; 4]) -> Vec<(f64, f64)> {
     let at = place(stiffness_n_m_rad);
     if (at - at.round()).abs() < NEAR {
-        return vec![(1.0, node(at.round()))];
+        return vec![(1.0, at_place(at.round()))];
     }
     let before = at.floor();
-    let around = [-1.0, 0.0, 1.0, 2.0].map(|k| node(before + k));
+    let around = [-1.0, 0.0, 1.0, 2.0].map(|k| at_place(before + k));
     weights(at - before).into_iter().zip(around).filter(|(w, _)| *w != 0.0).collect()
 }
 
@@ -161,7 +161,7 @@ fn nodes(stiffness_n_m_rad: f64, weights: fn(f64) -> [f64; 4]) -> Vec<(f64, f64)
 pub(crate) fn around(stiffness_n_m_rad: f64) -> [f64; 4] {
     let at = place(stiffness_n_m_rad);
     let (below, above) = ((at - NEAR).floor(), (at + NEAR).ceil());
-    [below - 1.0, below, above, above + 1.0].map(node)
+    [below - 1.0, below, above, above + 1.0].map(at_place)
 }
 
 /// Where a stiffness lies among those at which drives are simulated, which are at whole numbers.
@@ -170,7 +170,7 @@ fn place(stiffness_n_m_rad: f64) -> f64 {
 }
 
 /// The stiffness at a place, N m/rad.
-fn node(place: f64) -> f64 {
+pub(crate) fn at_place(place: f64) -> f64 {
     SIMULATED_N_M_RAD * 3.0_f64.powf(place / IN_THREEFOLD)
 }
 
@@ -210,6 +210,8 @@ mod tests {
             let mean: f64 = nodes(stiffness, cubic).iter().map(|(w, node)| w * node.ln()).sum();
             assert!((mean - stiffness.ln()).abs() < 1e-9, "{stiffness}");
         }
+        let [a, b, c, d] = around(SIMULATED_N_M_RAD);
+        assert!(a < b && b < SIMULATED_N_M_RAD && SIMULATED_N_M_RAD < c && c < d, "{:?}", [a, b, c, d]);
         for alone in [200.0, 600.0, 200.0 / 3.0] {
             let around = nodes(alone, cubic);
             assert!(matches!(around[..], [(_, node)] if (node - alone).abs() < 1e-9 * alone), "{around:?}");
