@@ -3,7 +3,7 @@
 
 use crate::launch::Schedule;
 
-/// Steps over which waiting is judged.
+/// Steps over which long waits are counted together.
 const JUDGED_STEPS: u32 = 100;
 /// Measurements that may wait long meanwhile: a network holds one up now and then.
 const FEW: u32 = 2;
@@ -33,14 +33,15 @@ impl Phase {
     }
 
     /// Takes note of how long the measurement that came with a step had waited for it, ns; changes over where too many waited
-    /// long.
+    /// long, as soon as they have.
     pub(crate) fn note(&mut self, waited_ns: Option<u64>) {
         self.steps += 1;
         self.long_waits += u32::from(waited_ns.is_some_and(|waited_ns| waited_ns > self.long_ns));
-        if self.steps == JUDGED_STEPS {
-            if self.long_waits > FEW {
-                self.phases_ns.reverse();
-            }
+        let too_many = self.long_waits > FEW;
+        if too_many {
+            self.phases_ns.reverse();
+        }
+        if too_many || self.steps == JUDGED_STEPS {
             (self.steps, self.long_waits) = (0, 0);
         }
     }
@@ -73,7 +74,7 @@ mod tests {
     fn whenever_a_camera_looks_its_measurements_wait_less_than_a_period() {
         for received_ns in (0..PERIOD_NS).step_by(100_000) {
             let mut phase = Phase::of(&schedule("other_phase_us = 6500").unwrap());
-            for _ in 0..JUDGED_STEPS {
+            for _ in 0..=FEW {
                 phase.note(Some(waited_ns(received_ns, phase.ns())));
             }
             let settled_ns = phase.ns();

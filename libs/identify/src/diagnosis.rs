@@ -169,15 +169,7 @@ pub fn diagnose(
     if contest.evidence.cells.is_empty() {
         return Ok(nothing_to_say(plant, remarks));
     }
-    // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
-    let first = if plant.base.clamped { 1 } else { MOST_CAUSES };
-    let mut selection = contest.select(first, progress)?;
-    let unit = mean_square(&selection.after);
-    // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
-    if unit > DOUBTFUL {
-        contest.set_unit(unit);
-        selection = contest.select(MOST_CAUSES, progress)?;
-    }
+    let selection = selected(&mut contest, progress)?;
     let (mut verdict, mut causes, mut suspects) = judge(&contest, &selection);
     let mut input_mismatch = Vec::new();
     if matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
@@ -195,10 +187,7 @@ pub fn diagnose(
     }
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     progress("measuring the gain");
-    let misfit = |plant: &Plant, runs: &[Run]| -> Result<Vec<ChannelMisfit>, ModelError> {
-        let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
-        Ok(all?.into_iter().flatten().collect())
-    };
+    let misfit = |plant: &Plant, runs: &[Run]| misfit(plant, runs, windows);
     // What makes the prediction of new runs worse explains the old ones only.
     let file = contest.settled(&selection.before.nuisance);
     let kept = predictive(&file, &contest.settled(&selection.after.nuisance), &causes, &|p| misfit(p, validation))?;
@@ -221,11 +210,8 @@ pub fn diagnose(
     };
     let (before, after) = (misfit(&settled, runs)?, misfit(&extended, runs)?);
     let (validation_before, validation_after) = (misfit(&settled, validation)?, misfit(&extended, validation)?);
-    let gain = if validation_before.is_empty() {
-        Gain { before: overall(&before), after: overall(&after) }
-    } else {
-        Gain { before: overall(&validation_before), after: overall(&validation_after) }
-    };
+    let judged = if validation_before.is_empty() { [&before, &after] } else { [&validation_before, &validation_after] };
+    let gain = Gain { before: overall(judged[0]), after: overall(judged[1]) };
     let verdict = verdict.after_validation(gain);
     let unexplained = match verdict {
         Verdict::Unexplained | Verdict::PartlyExplained => {
@@ -259,6 +245,26 @@ pub fn diagnose(
         settled,
         extended,
     })
+}
+
+/// The causes that the data insist on.
+fn selected(contest: &mut Contest, progress: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
+    // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
+    let first = if contest.trial.plant.base.clamped { 1 } else { MOST_CAUSES };
+    let selection = contest.select(first, progress)?;
+    let unit = mean_square(&selection.after);
+    // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
+    if unit <= DOUBTFUL {
+        return Ok(selection);
+    }
+    contest.set_unit(unit);
+    contest.select(MOST_CAUSES, progress)
+}
+
+/// How far runs are from a plant, channel by channel.
+fn misfit(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
+    let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
+    Ok(all?.into_iter().flatten().collect())
 }
 
 /// The diagnosis of the other runs, where some were left out: not everything is explained then.

@@ -190,8 +190,35 @@ fn is_elastic(effect: &Effect) -> bool {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::measured::Many;
+
+    /// Of what a joint 2 does; the others rest.
+    fn joint_2(t_s: &[f64], value: impl Fn(f64) -> f64) -> Many {
+        let rest = vec![0.0; t_s.len()];
+        let values = vec![rest.clone(), t_s.iter().map(|t| value(*t)).collect(), rest.clone(), rest];
+        Many { t_s: t_s.to_vec(), values }
+    }
+
+    #[test]
+    fn a_link_is_not_thrown_where_its_motor_is() {
+        let plant = Plant::parse(include_str!("../../../../deploy/etc/plants/fss.toml")).unwrap();
+        let swings = Swings::new(&Trial::of(&plant), vec![0.0; 4]);
+        let t_s: Vec<f64> = (0..400).map(|k| 0.005 * f64::from(k)).collect();
+        // Told to go on at another rate at 1 s, the motor does so at once, and its link within a tenth of a second.
+        let motor = joint_2(&t_s, |t| 0.2 * (t - 1.0).max(0.0));
+        let link_rate = |t: f64| 0.2 * (1.0 - (-(t - 1.0).max(0.0) / 0.1).exp());
+        let link = joint_2(&t_s, |t| 0.2 * (t - 1.0).max(0.0) - 0.1 * link_rate(t));
+        let carried_out = CarriedOut { motor, link, link_rate: joint_2(&t_s, link_rate) };
+        let grid_s: Vec<f64> = (0..200).map(|k| 0.01 * f64::from(k)).collect();
+        let swing = swings.corrected(&carried_out, &Run::default(), &grid_s);
+        for (k, t_s) in grid_s.iter().enumerate() {
+            let rate = swing.readings[1][k].value[1] + swing.ahead[1][k][1];
+            assert!((rate - link_rate(*t_s)).abs() < 1e-3, "{rate} rad/s at {t_s} s, not {}", link_rate(*t_s));
+        }
+    }
 
     #[test]
     fn a_cubic_goes_through_what_it_is_given_and_between_as_a_cubic_does() {
