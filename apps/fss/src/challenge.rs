@@ -12,6 +12,7 @@ mod story;
 mod survey;
 pub mod twins;
 
+use crate::files::write_silently;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -82,7 +83,7 @@ fn one(args: &ChallengeArgs, seed: u64) -> Result<()> {
     bar.finish_and_clear();
     story::tell(&played, &folder);
     let file = OneFile { format: "fss-challenge/1", played: &played };
-    args.json.as_ref().map_or(Ok(()), |path| write(path, &file))
+    args.json.as_ref().map_or(Ok(()), |path| write_json(path, &file))
 }
 
 /// Many seeds: what was played, and the table of the gates.
@@ -164,10 +165,9 @@ fn resumed(args: &ChallengeArgs) -> Result<BTreeMap<u64, Played>> {
 fn save(path: &Path, played: &BTreeMap<u64, Played>) -> Result<()> {
     let seeds: Vec<Played> = played.values().cloned().collect();
     let gates = gates::table(&seeds.iter().collect::<Vec<_>>());
-    write(path, &ManyFile { format: MANY_FORMAT.to_owned(), seeds, gates })
+    write_json(path, &ManyFile { format: MANY_FORMAT.to_owned(), seeds, gates })
 }
 
-fn write(path: &Path, value: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(value).into_diagnostic()?;
-    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
+fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    write_silently(path, &serde_json::to_string_pretty(value).into_diagnostic()?)
 }

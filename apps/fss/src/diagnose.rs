@@ -7,14 +7,14 @@ pub mod read;
 pub mod runs;
 mod summary;
 
-use crate::files::TextFile;
+use crate::files::{TextFile, write};
 use clap::Args;
 use fss_identify::diagnosis::diagnose;
 use fss_identify::measured::Run;
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Name of the extended plant file beside the report.
@@ -81,12 +81,6 @@ fn nothing_to_simulate(runs: &[Run]) -> miette::Report {
         "none of the runs ({}) has a channel that can be simulated",
         names.join(", ")
     )
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-    say!("{}", path.display());
-    Ok(())
 }
 
 fn progress() -> ProgressBar {

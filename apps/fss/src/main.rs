@@ -88,34 +88,11 @@ enum Command {
     View(view::ViewArgs),
 }
 
-impl Command {
-    /// Whether it holds a vehicle, or processes that do: they have to be let go in order, whoever reads what is said.
-    fn flies(&self) -> bool {
-        matches!(self, Self::Run(_) | Self::Service(_) | Self::Lab(_) | Self::Soak(_) | Self::Bench(_))
-    }
-}
-
-/// Ends the process in silence, and no panic, when the reader of its output has seen enough: `fss log info | head`.
-fn end_where_nobody_reads() {
-    let usual = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        let said = panic.payload().downcast_ref::<String>();
-        if said.is_some_and(|said| said.starts_with("failed printing to stdout") && said.contains("Broken pipe")) {
-            std::process::exit(0);
-        }
-        usual(panic);
-    }));
-}
-
 fn main() -> miette::Result<ExitCode> {
     let words = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
     let words = words.with_filter(EnvFilter::from_default_env());
     tracing_subscriber::registry().with(words).with(fss_ground::overflow_layer()).init();
-    let command = Cli::parse().command;
-    if !command.flies() {
-        end_where_nobody_reads();
-    }
-    match command {
+    match Cli::parse().command {
         Command::Run(args) => run::run(&args),
         Command::Campaign(args) => campaign::run(&args),
         Command::Service(args) => run::service(&args),

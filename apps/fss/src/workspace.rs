@@ -3,7 +3,7 @@
 mod contours;
 mod figures;
 
-use crate::files::TextFile;
+use crate::files::{TextFile, write};
 use clap::Args;
 use fss_identify::straight_path::{straight_path, straight_path_area_m2};
 use fss_identify::workspace::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};
@@ -13,7 +13,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Compute reach and manipulability of a plant.
 #[derive(Args)]
@@ -104,12 +104,6 @@ pub fn run(args: &WorkspaceArgs) -> Result<()> {
         write(&args.out.join("straight-paths.svg"), &figures::straight_paths(&plant, &model, radius_m, first))?;
         write(&args.out.join("manipulability.svg"), &figures::ellipsoids(&plant, &model, first))?;
     }
-    Ok(())
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))?;
-    say!("{}", path.display());
     Ok(())
 }
 

@@ -6,6 +6,7 @@ use super::score::{Score, score};
 use super::survey::Survey;
 use super::twins::Twins;
 use crate::diagnose::log;
+use crate::files::write_silently;
 use crate::run::fast;
 use crate::run::stack::Stack;
 use fss_lab::Network;
@@ -102,9 +103,9 @@ impl Game {
         let folder = folder.or(scratch.as_ref().map(|s| s.0.as_path())).unwrap_or(Path::new("."));
         make(folder)?;
         let sealed = serde_json::to_string_pretty(&secret.envelope).into_diagnostic()?;
-        write(&folder.join(ENVELOPE_FILE), &sealed)?;
+        write_silently(&folder.join(ENVELOPE_FILE), &sealed)?;
         let plant = folder.join("plant.toml");
-        write(&plant, &self.stacks[0].plant_text)?;
+        write_silently(&plant, &self.stacks[0].plant_text)?;
 
         say("flying the experiments");
         let begun = Instant::now();
@@ -133,10 +134,6 @@ fn fly(stacks: &[Stack], laboratory: &Plant, seed: u64, folder: &Path) -> Result
 
 fn make(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot write {}", path.display()))
 }
 
 /// A folder that is gone when it is no longer needed.
