@@ -195,6 +195,7 @@ impl Contest {
         !idle
             && stands_apart(next, last)
             && !is_behind_play(&next.effects, last)
+            && !is_softness_of_another(&next.effects, last)
             && self.sides_agree(next, last)
             && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
             && is_wide(&next.effects[last])
@@ -262,6 +263,7 @@ impl Contest {
                         && is_wide(effect)
                         && stands_apart(r, i)
                         && !is_behind_play(&r.effects, i)
+                        && !is_softness_of_another(&r.effects, i)
                 });
                 Ok(rivals)
             })
@@ -328,6 +330,15 @@ fn is_behind_play(effects: &[Effect], which: usize) -> bool {
     BY_CURRENT.contains(&own.id()) && effects.iter().any(has_play)
 }
 
+/// Whether a cause is a soft drive on which a link swings, beside another cause at that joint. Swings are simulated with the plant
+/// file's links and motors: where those are others, or have play, a servo moves its link otherwise, and a softer drive fits that better.
+fn is_softness_of_another(effects: &[Effect], which: usize) -> bool {
+    let own = &effects[which];
+    let is_there =
+        |other: &Effect| matches!(other.about().place, Place::Joint | Place::Mass) && other.index() == own.index();
+    own.id() == "joint_flexibility" && effects.iter().enumerate().any(|(i, other)| i != which && is_there(other))
+}
+
 /// Whether one of several causes does something else than the others together, where they are.
 fn stands_apart(refined: &Refined, which: usize) -> bool {
     let own: Vec<usize> = refined.columns_of(which).collect();
@@ -359,6 +370,18 @@ mod tests {
         assert!(is_behind_play(&[play.clone(), motor(1)?], 1));
         assert!(!is_behind_play(&[play.clone(), motor(2)?], 1));
         assert!(!is_behind_play(&[play, motor(1)?], 0), "the play itself is told");
+        Ok(())
+    }
+
+    #[test]
+    fn a_soft_drive_is_not_told_beside_another_cause_of_its_joint() -> Result<(), fss_plant::EffectError> {
+        let soft = Effect::new("joint_flexibility")?.at(4);
+        let inertia = |link: usize| Ok::<_, fss_plant::EffectError>(Effect::new("link_inertia")?.at(link));
+        assert!(is_softness_of_another(&[inertia(4)?, soft.clone()], 1));
+        assert!(!is_softness_of_another(&[inertia(3)?, soft.clone()], 1));
+        assert!(!is_softness_of_another(&[inertia(4)?, soft.clone()], 0), "the inertia itself is told");
+        let encoder = Effect::new("encoder_offset")?.at(4);
+        assert!(!is_softness_of_another(&[encoder, soft], 1), "what an encoder says moves no link");
         Ok(())
     }
 }
