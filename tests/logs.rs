@@ -60,4 +60,9 @@ fn a_reader_that_has_seen_enough_is_no_failure_and_files_are_written() {
         assert!(output.status.success() && !said.contains("panicked"), "{words:?}: {said}");
     }
     assert!(folder.path().join("diagnosis/diagnosis.html").exists());
+    // Where it cannot be written, that is another matter.
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_fss")).args(["log", "info", &log]).stdout(full).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("cannot write to standard output"), "{said}");
 }

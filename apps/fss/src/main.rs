@@ -114,5 +114,5 @@ fn main() -> miette::Result<ExitCode> {
         Command::Compare(args) => return Ok(compare::run(&args)),
         Command::Replay(args) => return Ok(replay::run(&args)),
     }?;
-    Ok(ExitCode::SUCCESS)
+    Ok(console::exit_code())
 }
