@@ -92,6 +92,10 @@ pub(crate) trait Record: Sync + Send {
     fn feels(&self, effect: &Effect) -> bool;
     /// Whether windows must be fitted anew wherever the plant changes, their motion being far from linear.
     fn is_chaotic(&self) -> bool;
+    /// Whether it is known what drivers were told, so that drives can be simulated.
+    fn tells_commands(&self) -> bool {
+        false
+    }
 }
 
 /// A run under a trial.

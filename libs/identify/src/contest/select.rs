@@ -195,7 +195,7 @@ impl Contest {
         !idle
             && stands_apart(next, last)
             && !is_behind_play(&next.effects, last)
-            && !is_softness_of_another(&next.effects, last)
+            && !self.is_softness_of_another(next, last)
             && self.sides_agree(next, last)
             && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
             && is_wide(&next.effects[last])
@@ -213,6 +213,14 @@ impl Contest {
             return 1.0 / values[0] > (WORTH_SAYING * sds[0]).max(LEAST_COMPLIANCE_RAD_N_M);
         }
         values.iter().zip(nominal).zip(&sds).any(|((v, n), sd)| (v - n).abs() > WORTH_SAYING * sd)
+    }
+
+    /// Whether a cause is a drive that is simulated, beside another cause of its joint. It is simulated with the plant file's
+    /// links and motors: where those are others, or have play, a servo moves its link otherwise, and a softer drive fits that
+    /// better.
+    fn is_softness_of_another(&self, refined: &Refined, which: usize) -> bool {
+        self.is_simulated(refined.hypotheses[which], &refined.effects[which])
+            && shares_its_joint(&refined.effects, which)
     }
 
     /// Leaves out what the causes taken later have made idle.
@@ -263,7 +271,7 @@ impl Contest {
                         && is_wide(effect)
                         && stands_apart(r, i)
                         && !is_behind_play(&r.effects, i)
-                        && !is_softness_of_another(&r.effects, i)
+                        && !self.is_softness_of_another(r, i)
                 });
                 Ok(rivals)
             })
@@ -330,13 +338,12 @@ fn is_behind_play(effects: &[Effect], which: usize) -> bool {
     BY_CURRENT.contains(&own.id()) && effects.iter().any(has_play)
 }
 
-/// Whether a cause is a soft drive on which a link swings, beside another cause at that joint. Swings are simulated with the plant
-/// file's links and motors: where those are others, or have play, a servo moves its link otherwise, and a softer drive fits that better.
-fn is_softness_of_another(effects: &[Effect], which: usize) -> bool {
+/// Whether another cause is there which changes what the drive of cause `which` does.
+fn shares_its_joint(effects: &[Effect], which: usize) -> bool {
     let own = &effects[which];
     let is_there =
         |other: &Effect| matches!(other.about().place, Place::Joint | Place::Mass) && other.index() == own.index();
-    own.id() == "joint_flexibility" && effects.iter().enumerate().any(|(i, other)| i != which && is_there(other))
+    effects.iter().enumerate().any(|(i, other)| i != which && is_there(other))
 }
 
 /// Whether one of several causes does something else than the others together, where they are.
@@ -374,14 +381,13 @@ mod tests {
     }
 
     #[test]
-    fn a_soft_drive_is_not_told_beside_another_cause_of_its_joint() -> Result<(), fss_plant::EffectError> {
+    fn a_link_is_driven_otherwise_beside_another_cause_of_its_joint() -> Result<(), fss_plant::EffectError> {
         let soft = Effect::new("joint_flexibility")?.at(4);
         let inertia = |link: usize| Ok::<_, fss_plant::EffectError>(Effect::new("link_inertia")?.at(link));
-        assert!(is_softness_of_another(&[inertia(4)?, soft.clone()], 1));
-        assert!(!is_softness_of_another(&[inertia(3)?, soft.clone()], 1));
-        assert!(!is_softness_of_another(&[inertia(4)?, soft.clone()], 0), "the inertia itself is told");
+        assert!(shares_its_joint(&[inertia(4)?, soft.clone()], 1));
+        assert!(!shares_its_joint(&[inertia(3)?, soft.clone()], 1));
         let encoder = Effect::new("encoder_offset")?.at(4);
-        assert!(!is_softness_of_another(&[encoder, soft], 1), "what an encoder says moves no link");
+        assert!(!shares_its_joint(&[encoder, soft], 1), "what an encoder says moves no link");
         Ok(())
     }
 }

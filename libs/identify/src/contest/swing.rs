@@ -51,10 +51,20 @@ impl Contest {
         Ok(all?.into_iter().flatten().collect())
     }
 
+    /// Whether an effect is a drive so soft that it is simulated.
+    pub(super) fn is_simulated(&self, hypothesis: usize, effect: &Effect) -> bool {
+        let is_soft = self.hypotheses[hypothesis].is_compliance() && effect.values()[0] < STIFF_N_M_RAD;
+        is_soft && self.tells_commands()
+    }
+
+    /// Whether a log tells what drivers were told, so that drives can be simulated.
+    pub(super) fn tells_commands(&self) -> bool {
+        self.evidence.records.iter().any(|record| record.tells_commands())
+    }
+
     /// Whether an effect is a drive on which a link swings, and it is simulated so.
     pub(super) fn swings(&self, hypothesis: usize, effect: &Effect) -> bool {
-        let any_is_asked = || self.hypotheses.iter().any(Hypothesis::is_swing);
-        self.hypotheses[hypothesis].is_compliance() && effect.values()[0] < STIFF_N_M_RAD && any_is_asked()
+        self.is_simulated(hypothesis, effect) && self.hypotheses.iter().any(Hypothesis::is_swing)
     }
 
     /// Drives whose links swing, moved to the best of the stiffnesses nearby at which they are simulated.

@@ -79,6 +79,10 @@ impl Record for Floating {
         false
     }
 
+    fn tells_commands(&self) -> bool {
+        self.run.commands.is_some()
+    }
+
     fn feels(&self, effect: &Effect) -> bool {
         let line = effect.index().filter(|_| effect.about().place == Place::Thruster && effect.id() != "thruster_leak");
         let other = if effect.id() == "valve_swap" { effect.get("other_index").map(|v| v as usize) } else { None };

@@ -23,7 +23,7 @@ const IN_THREEFOLD: f64 = 11.0;
 const NEAR: f64 = 0.01;
 /// So many simulations, and arms that telemetry corrects, are remembered: a contest asks for the same again and again.
 const REMEMBERED_SIMULATIONS: usize = 100;
-const REMEMBERED: usize = 16;
+const REMEMBERED: usize = 6;
 
 /// A run's arm on elastic drives.
 pub(super) struct Swings {
