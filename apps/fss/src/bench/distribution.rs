@@ -51,6 +51,17 @@ impl Distribution {
 }
 
 impl Percentiles {
+    /// How many times another's each is.
+    pub fn over(&self, other: &Self) -> Self {
+        Self {
+            p50: self.p50 / other.p50,
+            p90: self.p90 / other.p90,
+            p99: self.p99 / other.p99,
+            p99_9: self.p99_9 / other.p99_9,
+            max: self.max / other.max,
+        }
+    }
+
     /// What is usual of several: the median of each percentile, and the largest of all.
     pub fn median(of: &[Self]) -> Self {
         let median = |get: fn(&Self) -> f64| {

@@ -1,7 +1,8 @@
 //! Wake-up jitter of the loop that runs every service, against a bare `clock_nanosleep` loop, in turns.
 //!
-//! Each turn has percentiles of its own, and the medians over the turns are compared: where the host stalls a few times in a
-//! run, it is chance which loop's turn that hits. What a loop does itself, it does in every turn.
+//! Each turn has percentiles of its own. A ratio is the median of what it is in the turns, one loop's beside the other's that ran
+//! next to it: hosts have calmer and busier seconds, and where they stall a few times in a run, it is chance which loop's turn
+//! that hits. What a loop does itself, it does in every turn.
 
 use super::distribution::{Distribution, Percentiles};
 use fss_bus::launch::{Launch, Schedule};
@@ -28,6 +29,7 @@ pub struct JitterTimes {
     ours_us: Percentiles,
     /// How late the bare loop wakes, the same way, microseconds.
     bare_us: Percentiles,
+    /// Ours over the bare loop's: the medians of the turns' ratios.
     ratio: Ratios,
     cycles: Cycles,
 }
@@ -139,31 +141,35 @@ fn both(schedule: &Schedule, prefix: &str, turns: u64) -> Result<JitterTimes> {
     let bus = Bus::shared(&SharedConfig { node: "bench".to_owned(), prefix: prefix.to_owned() }).into_diagnostic()?;
     let mut ours = Runner::new(clock()?, &bus).into_diagnostic()?;
     let mut bare = clock()?;
-    for _ in 0..turns {
+    for turn in 0..turns {
         for clock in [&mut ours.service, &mut bare] {
             clock.begin_turn(rate_hz);
         }
         let stop = ours.service.stop.clone();
+        // Each is first as often as second.
+        if turn % 2 == 0 {
+            run_bare(&mut bare)?;
+        }
         process::run(&mut ours, &bus, schedule, 1, &stop, || ()).into_diagnostic()?;
-        run_bare(&mut bare)?;
+        if turn % 2 == 1 {
+            run_bare(&mut bare)?;
+        }
         for clock in [&mut ours.service, &mut bare] {
             clock.end_turn();
         }
     }
     let (ours, bare) = (ours.service, bare);
     let (ours_us, bare_us) = (Percentiles::median(&ours.turns_us), Percentiles::median(&bare.turns_us));
+    let ratios: Vec<Percentiles> =
+        ours.turns_us.iter().zip(&bare.turns_us).map(|(ours, bare)| ours.over(bare)).collect();
+    let Percentiles { p50, p90, p99, p99_9, .. } = Percentiles::median(&ratios);
     Ok(JitterTimes {
         format: "fss-bench-jitter/1",
         rate_hz,
         real_time: granted.real_time,
         missing: granted.missing,
         turns: ours.turns_us.len(),
-        ratio: Ratios {
-            p50: ours_us.p50 / bare_us.p50,
-            p90: ours_us.p90 / bare_us.p90,
-            p99: ours_us.p99 / bare_us.p99,
-            p99_9: ours_us.p99_9 / bare_us.p99_9,
-        },
+        ratio: Ratios { p50, p90, p99, p99_9 },
         ours_us,
         bare_us,
         cycles: Cycles { ours: ours.count, bare: bare.count, ours_missed: ours.missed, bare_missed: bare.missed },
@@ -205,7 +211,7 @@ impl JitterTimes {
         say!("{:<16} {:>8.2} {:>8.2} {:>8.2} {:>8.2}", "ratio", r.p50, r.p90, r.p99, r.p99_9);
         let c = &self.cycles;
         say!(
-            "{} and {} cycles, {} and {} missed, at most {:.0} and {:.0} us late; the percentiles are medians of {} turns each",
+            "{} and {} cycles, {} and {} missed, at most {:.0} and {:.0} us late; percentiles and ratios are medians over {} turns",
             c.ours,
             c.bare,
             c.ours_missed,

@@ -4,12 +4,16 @@ use super::distribution::{Distribution, Percentiles};
 use crate::run::stack::Stack;
 use crate::run::{Measured, measured_flight};
 use fss_bus::Bus;
-use fss_messages::{NavState, ThrustersState, topic};
+use fss_messages::{NavState, Step, ThrustersState, text_of, topic};
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashMap};
+use std::ops::RangeInclusive;
 use std::path::Path;
+
+/// Late measurements that a person is told of; JSON has all.
+const LATE_SHOWN: usize = 10;
 
 /// What a flight has cost.
 #[derive(Serialize)]
@@ -28,6 +32,20 @@ pub struct StackTimes {
     base_period_ms: f64,
     /// Share of the commands whose measurement was received within one base period.
     within_base_period: f64,
+    /// Those whose measurement was not.
+    late: Vec<Late>,
+}
+
+/// A measurement that came late to the valves.
+#[derive(Serialize)]
+struct Late {
+    /// When its command left, since the first valve command, s.
+    at_s: f64,
+    /// Since its receipt, ms.
+    age_ms: f64,
+    /// The step on its way that ended the longest after its boundary, and how long, ms.
+    held_up_by: String,
+    held_up_ms: f64,
 }
 
 /// Flies for `seconds`, firing, and measures.
@@ -51,14 +69,15 @@ fn times(stack: &Stack, flight: &Measured) -> Result<StackTimes> {
         age_since_event_ms: ages.since_event.percentiles(1e-6),
         commands: ages.since_receipt.count(),
         base_period_ms: base.period_ns() as f64 * 1e-6,
-        within_base_period: ages.within as f64 / ages.since_receipt.count().max(1) as f64,
+        within_base_period: 1.0 - ages.late.len() as f64 / ages.since_receipt.count().max(1) as f64,
+        late: ages.late,
     })
 }
 
 struct Ages {
     since_receipt: Distribution,
     since_event: Distribution,
-    within: u64,
+    late: Vec<Late>,
 }
 
 impl Ages {
@@ -70,7 +89,10 @@ impl Ages {
         let latency_ns = (stack.plant.sensors.mocap_latency_s * 1e9).round() as u64;
         let seen_ns: HashMap<u64, u64> =
             nav.iter().map(|nav| (nav.stamp_ns, nav.stamp_ns.saturating_sub(nav.mocap_age_ns))).collect();
-        let mut ages = Self { since_receipt: Distribution::new()?, since_event: Distribution::new()?, within: 0 };
+        let steps = log.samples::<Step>(&bus.full_name(topic::STEPS.name)).into_diagnostic()?;
+        let mut ages =
+            Self { since_receipt: Distribution::new()?, since_event: Distribution::new()?, late: Vec::new() };
+        let first_ns = valves.first().map_or(0, |state| state.published_ns);
         let mut last_ns = 0;
         for state in valves.iter().filter(|state| state.mode == ThrustersState::ACTIVE) {
             // A measurement counts once, with the first command that knows it.
@@ -82,9 +104,26 @@ impl Ages {
             let since_receipt_ns = since_event_ns.saturating_sub(latency_ns);
             ages.since_event.record(since_event_ns);
             ages.since_receipt.record(since_receipt_ns);
-            ages.within += u64::from(since_receipt_ns <= base_period_ns);
+            if since_receipt_ns > base_period_ns {
+                let at_s = state.published_ns.saturating_sub(first_ns) as f64 * 1e-9;
+                let way_ns = state.published_ns - since_receipt_ns..=state.published_ns;
+                ages.late.push(Late::of(&steps, way_ns, at_s, since_receipt_ns as f64 * 1e-6));
+            }
         }
         Ok(ages)
+    }
+}
+
+impl Late {
+    /// Which of the steps that ended on its way held a measurement up.
+    fn of(steps: &[Step], way_ns: RangeInclusive<u64>, at_s: f64, age_ms: f64) -> Self {
+        const ON_ITS_WAY: [&str; 3] = ["fusion", "base", "thrusters"];
+        let ended = steps.iter().filter(|step| way_ns.contains(&step.published_ns));
+        let on_its_way = ended.filter(|step| ON_ITS_WAY.contains(&text_of(&step.service)));
+        let behind_ns = |step: &&Step| step.published_ns.saturating_sub(step.stamp_ns);
+        let worst = on_its_way.max_by_key(behind_ns);
+        let held_up_by = worst.map_or_else(String::new, |step| text_of(&step.service).to_owned());
+        Self { at_s, age_ms, held_up_by, held_up_ms: worst.map_or(0.0, |step| behind_ns(&step) as f64 * 1e-6) }
     }
 }
 
@@ -106,5 +145,37 @@ impl StackTimes {
             );
         }
         say!("{:.1} % within the base's period of {} ms", self.within_base_period * 100.0, self.base_period_ms);
+        for Late { at_s, age_ms, held_up_by, held_up_ms } in self.late.iter().take(LATE_SHOWN) {
+            say!(
+                "  at {at_s:.2} s: {age_ms:.1} ms; on its way {held_up_by} was done {held_up_ms:.1} ms after its boundary"
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fss_messages::text;
+
+    #[test]
+    fn a_late_measurement_is_told_with_the_step_that_held_it_up() {
+        let step = |service: &str, boundary_ms: u64, done_ms: u64| Step {
+            service: text(service),
+            stamp_ns: boundary_ms * 1_000_000,
+            published_ns: done_ms * 1_000_000,
+            ..Step::default()
+        };
+        let steps = [
+            step("fusion", 0, 90), // before the measurement came
+            step("fusion", 105, 106),
+            step("base", 107, 119),
+            step("recorder", 100, 119), // nothing waits for it
+            step("thrusters", 118, 120),
+        ];
+        let late = Late::of(&steps, 100_000_000..=120_000_000, 3.5, 20.0);
+        assert_eq!((late.held_up_by.as_str(), late.held_up_ms), ("base", 12.0));
+        let alone = Late::of(&[], 100_000_000..=120_000_000, 3.5, 20.0);
+        assert_eq!((alone.held_up_by.as_str(), alone.held_up_ms), ("", 0.0));
     }
 }
