@@ -3,23 +3,25 @@
 //! One flight of a minute follows another until the time is over; each has faults and blows of its own, drawn from the
 //! seed. What is reported is what was seen from outside: in shared memory, in `/proc`, in the logs.
 
+mod logs;
+mod memory;
+
 use super::launcher::{self, Site};
 use super::overruns::{Causes, Disturbances, Unexplained};
 use super::stack::Stack;
-use super::summary::Records;
 use super::witness::{Testimony, Witness};
 use super::{FAULT_EVERY_S, make_link_key, stop_on_signal};
 use clap::Args;
 use fss_bus::realtime;
 use fss_lab::Faults;
-use fss_messages::{Header, text_of, topic};
-use fss_records::log::Log;
+use logs::Sums;
+use memory::{Memory, shared_memory_bytes};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError};
@@ -88,19 +90,6 @@ struct Kept {
     overruns: u64,
 }
 
-/// Sums over all flights that are not figures themselves.
-#[derive(Default)]
-struct Sums {
-    navigation2: f64,
-    navigation_count: f64,
-}
-
-impl Sums {
-    fn navigation_rms_m(&self) -> f64 {
-        (self.navigation2 / self.navigation_count.max(1.0)).sqrt()
-    }
-}
-
 /// Who is struck. The laboratory is the world; a mission that dies ends its flight, so it is not.
 const VICTIMS: [&str; 6] = ["thrusters", "base", "fusion", "links", "arm", "recorder"];
 /// A process's memory is compared with what it had at this age: it has touched everything by then.
@@ -145,7 +134,7 @@ fn fly_all(args: &SoakArgs, folder: &Path, stop: &Arc<AtomicBool>, soak: &mut So
         stack.faults = Faults::random(flight.seed, stack.mission.duration_s(), FAULT_EVERY_S, &stack.plant);
         soak.faults += stack.faults.fault.len();
         flight.fly(&stack, stop, soak)?;
-        read_logs(&flight.folder, &stack.launch.vehicle, soak, &mut sums)?;
+        logs::read(&flight.folder, &stack.launch.vehicle, soak, &mut sums)?;
         soak.navigation_rms_m = sums.navigation_rms_m();
         eprintln!(
             "flight {}: {} kills, {} freezes, {} restarts, {} of {} records lost, navigation {:.2} mm RMS so far",
@@ -319,111 +308,6 @@ impl Soak {
     }
 }
 
-/// Memory of a stack's processes, and what it holds in shared memory.
-#[derive(Default)]
-struct Memory {
-    settled: BTreeMap<u32, (Instant, Option<u64>)>,
-    rss_growth_bytes: u64,
-    shm_settled: Option<u64>,
-    /// The last weighings: a process that is just dying or coming is no leak.
-    shm_last: VecDeque<u64>,
-    started: Option<Instant>,
-}
-
-impl Memory {
-    fn weigh(&mut self, site: &Site) {
-        let ids: Vec<u32> = site
-            .processes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .values()
-            .copied()
-            .chain([std::process::id()])
-            .collect();
-        for id in ids {
-            let Some(bytes) = resident_bytes(id) else { continue };
-            let (since, settled) = self.settled.entry(id).or_insert((Instant::now(), None));
-            if since.elapsed() >= SETTLED {
-                let growth = bytes.saturating_sub(*settled.get_or_insert(bytes));
-                self.rss_growth_bytes = self.rss_growth_bytes.max(growth);
-            }
-        }
-        let shm_bytes = shared_memory_bytes(&site.bus_prefix);
-        self.shm_last.push_back(shm_bytes);
-        if self.shm_last.len() > 8 {
-            self.shm_last.pop_front();
-        }
-        if self.started.get_or_insert_with(Instant::now).elapsed() >= SETTLED {
-            self.shm_settled.get_or_insert(shm_bytes);
-        }
-    }
-
-    fn shm_growth(&self) -> u64 {
-        let last = self.shm_last.iter().min().copied().unwrap_or(0);
-        self.shm_settled.map_or(0, |settled| last.saturating_sub(settled))
-    }
-}
-
 fn strike(id: u32, signal: Signal) -> bool {
     Pid::from_raw(id as i32).is_some_and(|pid| kill_process(pid, signal).is_ok())
-}
-
-fn resident_bytes(id: u32) -> Option<u64> {
-    let text = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
-}
-
-fn shared_memory_bytes(prefix: &str) -> u64 {
-    let Ok(entries) = std::fs::read_dir("/dev/shm") else { return 0 };
-    let own = entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix));
-    own.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
-}
-
-/// Counts what the logs of a flight hold and what is missing between their records, and compares navigation with truth.
-fn read_logs(folder: &Path, vehicle: &str, soak: &mut Soak, sums: &mut Sums) -> Result<()> {
-    let mut last = BTreeMap::<(String, String), u64>::new();
-    let mut logs: Vec<(u64, Log)> = Vec::new();
-    for entry in std::fs::read_dir(folder).into_diagnostic()?.flatten() {
-        let path = entry.path();
-        if path.extension().is_none_or(|e| e != "mcap") {
-            continue;
-        }
-        // A recorder that was killed before it wrote the first byte leaves an empty file: nothing is lost in it.
-        if entry.metadata().is_ok_and(|meta| meta.len() == 0) {
-            continue;
-        }
-        let Ok(log) = Log::open(&path) else {
-            soak.unreadable_logs += 1;
-            continue;
-        };
-        let (topics, damage) = log.survey().into_diagnostic()?;
-        soak.unreadable_logs += u32::from(damage.places > 0);
-        soak.records += topics.iter().map(|t| t.count).sum::<u64>();
-        logs.push((topics.iter().map(|t| t.first_ns).min().unwrap_or(u64::MAX), log));
-    }
-    logs.sort_by_key(|(first_ns, _)| *first_ns);
-    for (_, log) in &logs {
-        log.for_each(|channel, _, body| {
-            let Some(header) = header_of(body) else { return };
-            // A topic on which all speak names its publisher behind the header.
-            let publisher = if topic::is_shared(&channel.topic) { body.get(24..40).map_or("", text_of) } else { "" };
-            let key = (channel.topic.clone(), publisher.to_owned());
-            let before = last.insert(key, header.sequence).unwrap_or(header.sequence);
-            // A smaller sequence is a restarted publisher.
-            soak.lost_records += header.sequence.saturating_sub(before).saturating_sub(1);
-        })
-        .into_diagnostic()?;
-        let records = Records::of(log, vehicle).into_diagnostic()?;
-        if let Some((rms_m, count)) = records.navigation_rms_m() {
-            sums.navigation2 += rms_m * rms_m * count;
-            sums.navigation_count += count;
-        }
-    }
-    Ok(())
-}
-
-fn header_of(body: &[u8]) -> Option<Header> {
-    let number = |at: usize| Some(u64::from_le_bytes(*body.get(at..)?.first_chunk()?));
-    Some(Header { sequence: number(0)?, stamp_ns: number(8)?, published_ns: number(16)? })
 }
