@@ -80,7 +80,7 @@ pub fn title(cause: &Cause) -> String {
     format!("{}{index}{channel}{onset}", effect.id())
 }
 
-/// One row a run, one column a channel: RMS error over what noise alone would give.
+/// One row a channel, one column a run: RMS error over what noise alone would give.
 fn table(diagnosis: &Diagnosis) {
     let (fitted, validation) = (&diagnosis.before, &diagnosis.validation_before);
     let mut channels: Vec<&str> = Vec::new();
@@ -89,27 +89,28 @@ fn table(diagnosis: &Diagnosis) {
             channels.push(&m.channel);
         }
     }
-    say!("RMS error over the noise, by run and channel (1 is what noise alone gives)\n");
-    say_part!("{:<36}", "run");
-    for channel in &channels {
-        say_part!("{channel:>11}");
+    let mut runs: Vec<(String, BTreeMap<&str, &ChannelMisfit>)> = Vec::new();
+    for (misfits, mark) in [(fitted, ""), (validation, " (validation)")] {
+        let mut by_run: BTreeMap<&str, BTreeMap<&str, &ChannelMisfit>> = BTreeMap::new();
+        for m in misfits {
+            by_run.entry(&m.run).or_default().insert(&m.channel, m);
+        }
+        runs.extend(by_run.into_iter().map(|(run, of_channels)| (format!("{run}{mark}"), of_channels)));
     }
+    say!("RMS error over the noise, by channel and run (1 is what noise alone gives)\n");
+    runs.iter().enumerate().for_each(|(i, (name, _))| say!("{:>3}  {name}", i + 1));
+    say_part!("\n{:<16}", "");
+    (1..=runs.len()).for_each(|number| say_part!("{number:>9}"));
     say!();
-    for (runs, mark) in [(fitted, ""), (validation, " (validation)")] {
-        let mut rows: BTreeMap<&str, BTreeMap<&str, &ChannelMisfit>> = BTreeMap::new();
-        for m in runs {
-            rows.entry(&m.run).or_default().insert(&m.channel, m);
-        }
-        for (run, row) in rows {
-            say_part!("{:<36}", format!("{run}{mark}"));
-            for channel in &channels {
-                match row.get(channel) {
-                    Some(m) if m.noise > 0.0 => say_part!("{:>11.2}", m.ratio()),
-                    Some(m) => say_part!("{:>11}", format!("{:.2e}?", m.rms)),
-                    None => say_part!("{:>11}", "-"),
-                }
+    for channel in channels {
+        say_part!("{channel:<16}");
+        for (_, of_channels) in &runs {
+            match of_channels.get(channel) {
+                Some(m) if m.noise > 0.0 => say_part!("{:>9.2}", m.ratio()),
+                Some(m) => say_part!("{:>9}", format!("{:.1e}?", m.rms)),
+                None => say_part!("{:>9}", "-"),
             }
-            say!();
         }
+        say!();
     }
 }
