@@ -195,7 +195,7 @@ impl Contest {
         !idle
             && stands_apart(next, last)
             && !is_behind_play(&next.effects, last)
-            && !self.is_softness_of_another(next, last)
+            && !self.shares_a_simulated_drive(next, last)
             && self.sides_agree(next, last)
             && self.is_worth_saying(next.hypotheses[last], &next.effects[last])
             && is_wide(&next.effects[last])
@@ -215,12 +215,16 @@ impl Contest {
         values.iter().zip(nominal).zip(&sds).any(|((v, n), sd)| (v - n).abs() > WORTH_SAYING * sd)
     }
 
-    /// Whether a cause is a drive that is simulated, beside another cause of its joint. It is simulated with the plant file's
-    /// links and motors: where those are others, or have play, a servo moves its link otherwise, and a softer drive fits that
-    /// better.
-    fn is_softness_of_another(&self, refined: &Refined, which: usize) -> bool {
-        self.is_simulated(refined.hypotheses[which], &refined.effects[which])
-            && shares_its_joint(&refined.effects, which)
+    /// Whether a cause stands beside another one of its joint, and one of the two is a drive that is simulated. It is simulated
+    /// with the plant file's link and motor: where those are others, a servo moves its link otherwise, and a softer drive fits that
+    /// better; and a motor whose link swings needs another current than its smooth motion does.
+    fn shares_a_simulated_drive(&self, refined: &Refined, which: usize) -> bool {
+        let is_simulated = |i: usize| self.is_simulated(refined.hypotheses[i], &refined.effects[i]);
+        (0..refined.effects.len()).any(|i| {
+            i != which
+                && share_a_joint(&refined.effects[i], &refined.effects[which])
+                && (is_simulated(i) || is_simulated(which))
+        })
     }
 
     /// Leaves out what the causes taken later have made idle.
@@ -271,7 +275,7 @@ impl Contest {
                         && is_wide(effect)
                         && stands_apart(r, i)
                         && !is_behind_play(&r.effects, i)
-                        && !self.is_softness_of_another(r, i)
+                        && !self.shares_a_simulated_drive(r, i)
                 });
                 Ok(rivals)
             })
@@ -338,12 +342,10 @@ fn is_behind_play(effects: &[Effect], which: usize) -> bool {
     BY_CURRENT.contains(&own.id()) && effects.iter().any(has_play)
 }
 
-/// Whether another cause is there which changes what the drive of cause `which` does.
-fn shares_its_joint(effects: &[Effect], which: usize) -> bool {
-    let own = &effects[which];
-    let is_there =
-        |other: &Effect| matches!(other.about().place, Place::Joint | Place::Mass) && other.index() == own.index();
-    effects.iter().enumerate().any(|(i, other)| i != which && is_there(other))
+/// Whether two causes change how the drive of one joint moves its link.
+fn share_a_joint(a: &Effect, b: &Effect) -> bool {
+    let moves_a_link = |e: &Effect| matches!(e.about().place, Place::Joint | Place::Mass);
+    moves_a_link(a) && moves_a_link(b) && a.index().is_some() && a.index() == b.index()
 }
 
 /// Whether one of several causes does something else than the others together, where they are.
@@ -381,13 +383,17 @@ mod tests {
     }
 
     #[test]
-    fn a_link_is_driven_otherwise_beside_another_cause_of_its_joint() -> Result<(), fss_plant::EffectError> {
+    fn links_and_motors_of_a_joint_change_how_it_moves_and_encoders_do_not() -> Result<(), fss_plant::EffectError> {
         let soft = Effect::new("joint_flexibility")?.at(4);
-        let inertia = |link: usize| Ok::<_, fss_plant::EffectError>(Effect::new("link_inertia")?.at(link));
-        assert!(shares_its_joint(&[inertia(4)?, soft.clone()], 1));
-        assert!(!shares_its_joint(&[inertia(3)?, soft.clone()], 1));
-        let encoder = Effect::new("encoder_offset")?.at(4);
-        assert!(!shares_its_joint(&[encoder, soft], 1), "what an encoder says moves no link");
+        for (id, joint, shares) in [
+            ("link_inertia", 4, true),
+            ("torque_constant", 4, true),
+            ("link_inertia", 3, false),
+            ("encoder_offset", 4, false),
+        ] {
+            assert_eq!(share_a_joint(&soft, &Effect::new(id)?.at(joint)), shares, "{id} {joint}");
+        }
+        assert!(!share_a_joint(&Effect::new("payload")?, &Effect::new("base_inertia")?), "of no joint");
         Ok(())
     }
 }
