@@ -156,7 +156,10 @@ pub struct Fusion {
     waiting: Vec<Reading>,
     last_frame: [Option<(u32, Pose)>; 3],
     last_mocap_ns: u64,
+    /// Of the last reading that was used, 0 before the first.
     last_gyro_ns: u64,
+    /// Motion capture's first pose, 0 before it.
+    began_ns: u64,
     gyro_watch: GyroWatch,
     /// The last pose that was refused, and how many before it agree with it.
     refused: Option<(Pose, u32)>,
@@ -174,6 +177,7 @@ impl Fusion {
             last_frame: [None; 3],
             last_mocap_ns: 0,
             last_gyro_ns: 0,
+            began_ns: 0,
             gyro_watch: GyroWatch::default(),
             refused: None,
             restarted: false,
@@ -266,6 +270,9 @@ impl Fusion {
     /// Starts the filter at a pose. The heading stays unwrapped across a restart.
     fn start(&mut self, time: Time, [x, y, heading]: Pose) {
         let turns = ((self.nav.theta_rad - heading) / TAU).round();
+        if self.began_ns == 0 {
+            self.began_ns = time.ns();
+        }
         self.filter = Some(Filter::start(time, [x, y, heading + TAU * turns], self.config.noise));
         self.refused = None;
         self.last_mocap_ns = time.ns();
@@ -279,9 +286,11 @@ impl Fusion {
         Some(filter)
     }
 
-    fn mode(&self) -> u8 {
+    fn mode(&self, now: Time) -> u8 {
+        // One of the two devices is always the first to be heard.
+        let is_early = self.last_gyro_ns == 0 && now.age_ns(self.began_ns) < GYRO_MISSING_AFTER_NS;
         match (self.nav.mocap_age_ns, self.nav.gyro_age_ns) {
-            _ if self.filter.is_none() => NavState::INITIALISING,
+            _ if self.filter.is_none() || is_early => NavState::INITIALISING,
             (LOST_AFTER_NS.., _) => NavState::LOST,
             (COAST_AFTER_NS.., _) => NavState::COASTING,
             (_, GYRO_MISSING_AFTER_NS..) => NavState::NO_GYRO,
@@ -328,7 +337,7 @@ impl Service for Fusion {
             let message = format_args!("motion capture stays elsewhere: the filter starts anew from there");
             outputs.events.publish(Event::new(now.ns(), Self::NAME, Event::WARNING, message));
         }
-        let mode = self.mode();
+        let mode = self.mode(now);
         if mode != self.nav.mode {
             let (severity, word) = match mode {
                 NavState::TRACKING => (Event::INFO, "tracks with gyro and motion capture"),

@@ -152,6 +152,18 @@ fn without_a_gyro_motion_capture_alone_holds_the_state() {
 }
 
 #[test]
+fn a_gyro_that_is_heard_a_little_later_than_the_cameras_is_not_missing() {
+    let late = |t: f64, rate: f64| (t > 0.06).then_some(rate);
+    let modes: Vec<u8> = fly(1.0, shaken, &Faults { gyro: late, ..NONE }).iter().map(|(_, n, _)| n.mode).collect();
+    let (waits, tracks) = modes.split_at(modes.iter().position(|mode| *mode == NavState::TRACKING).unwrap());
+    assert!(waits.len() > 10 && waits.iter().all(|mode| *mode == NavState::INITIALISING), "{waits:?}");
+    assert!(tracks.iter().all(|mode| *mode == NavState::TRACKING));
+    let never = fly(1.0, shaken, &Faults { gyro: |_, _| None, ..NONE });
+    let missing_s = never.iter().find(|(_, n, _)| n.mode == NavState::NO_GYRO).unwrap().0;
+    assert!((0.1..0.12).contains(&missing_s), "missing from {missing_s} s on");
+}
+
+#[test]
 fn a_frozen_gyro_is_not_believed() {
     let seen = fly(10.0, shaken, &Faults { gyro: |t, rate| Some(if t < 3.0 { rate } else { 0.4 }), ..NONE });
     assert!(rms(&seen, 5.0, 10.0).heading_deg < 0.06);
