@@ -50,9 +50,11 @@ pub fn verdict(played: &Played) -> String {
         0 => String::new(),
         n => format!(" It is sure of {n} that is not there."),
     };
+    // What hardly shows may be seen.
+    let is_there = score.first_is_right || (hidden.kind == Kind::Outside && score.says_unexplained);
     let sentence = match hidden.kind {
         _ if !is_visible && !score.detected => "Right: there is nothing to see.",
-        _ if !is_visible => "Wrong: it sees what is not there.",
+        _ if !is_visible && !is_there => "Wrong: it sees what is not there.",
         _ if !score.detected => "Missed: it sees nothing.",
         Kind::Outside if score.says_unexplained => "Right: it says that no known effect explains this.",
         Kind::Outside => "Wrong: the catalogue does not have this.",

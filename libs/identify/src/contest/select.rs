@@ -220,10 +220,9 @@ impl Contest {
     /// better; and a motor whose link swings needs another current than its smooth motion does.
     fn shares_a_simulated_drive(&self, refined: &Refined, which: usize) -> bool {
         let is_simulated = |i: usize| self.is_simulated(refined.hypotheses[i], &refined.effects[i]);
+        let joint = |i: usize| joint_moved(&refined.effects[i], self.trial.plant.link_count());
         (0..refined.effects.len()).any(|i| {
-            i != which
-                && share_a_joint(&refined.effects[i], &refined.effects[which])
-                && (is_simulated(i) || is_simulated(which))
+            i != which && joint(i).is_some() && joint(i) == joint(which) && (is_simulated(i) || is_simulated(which))
         })
     }
 
@@ -342,10 +341,13 @@ fn is_behind_play(effects: &[Effect], which: usize) -> bool {
     BY_CURRENT.contains(&own.id()) && effects.iter().any(has_play)
 }
 
-/// Whether two causes change how the drive of one joint moves its link.
-fn share_a_joint(a: &Effect, b: &Effect) -> bool {
-    let moves_a_link = |e: &Effect| matches!(e.about().place, Place::Joint | Place::Mass);
-    moves_a_link(a) && moves_a_link(b) && a.index().is_some() && a.index() == b.index()
+/// The joint of which a cause changes how its drive moves its link; what the arm holds in hand is the last link's.
+fn joint_moved(effect: &Effect, links: usize) -> Option<usize> {
+    match effect.about().place {
+        _ if effect.id() == "payload" => Some(links),
+        Place::Joint | Place::Mass => effect.index(),
+        _ => None,
+    }
 }
 
 /// Whether one of several causes does something else than the others together, where they are.
@@ -383,17 +385,17 @@ mod tests {
     }
 
     #[test]
-    fn links_and_motors_of_a_joint_change_how_it_moves_and_encoders_do_not() -> Result<(), fss_plant::EffectError> {
-        let soft = Effect::new("joint_flexibility")?.at(4);
-        for (id, joint, shares) in [
-            ("link_inertia", 4, true),
-            ("torque_constant", 4, true),
-            ("link_inertia", 3, false),
-            ("encoder_offset", 4, false),
+    fn links_motors_and_payloads_change_how_a_joint_moves_and_encoders_do_not() -> Result<(), fss_plant::EffectError> {
+        for (id, joint, moved) in [
+            ("joint_flexibility", 3, Some(3)),
+            ("link_inertia", 4, Some(4)),
+            ("torque_constant", 2, Some(2)),
+            ("encoder_offset", 4, None),
         ] {
-            assert_eq!(share_a_joint(&soft, &Effect::new(id)?.at(joint)), shares, "{id} {joint}");
+            assert_eq!(joint_moved(&Effect::new(id)?.at(joint), 4), moved, "{id} {joint}");
         }
-        assert!(!share_a_joint(&Effect::new("payload")?, &Effect::new("base_inertia")?), "of no joint");
+        assert_eq!(joint_moved(&Effect::new("payload")?, 4), Some(4), "held by the last link");
+        assert_eq!(joint_moved(&Effect::new("base_inertia")?, 4), None);
         Ok(())
     }
 }
