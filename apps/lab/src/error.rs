@@ -44,6 +44,9 @@ pub enum LabError {
         /// The system's word.
         source: io::Error,
     },
+    /// The lines cannot be watched.
+    #[error("laboratory: its lines cannot be watched: {0}")]
+    Watch(io::Error),
     /// The bus cannot give the time.
     #[error(transparent)]
     Bus(#[from] fss_bus::BusError),

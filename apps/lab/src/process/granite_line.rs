@@ -21,6 +21,11 @@ impl GraniteLine {
         Ok(Self { socket: bind(here, "the other vehicle's laboratory".to_owned())?, there })
     }
 
+    /// What is read.
+    pub(super) fn socket(&self) -> &UdpSocket {
+        &self.socket
+    }
+
     /// What the other laboratory said last since the last call.
     pub(super) fn hear(&self) -> Option<State> {
         let mut last = None;

@@ -4,12 +4,14 @@
 //! terminal, serves each link at an address of its own, and follows the valve line. Nothing in it blocks: what a reader
 //! does not take is lost, as on a real line. Sockets and links in the file system vanish with it.
 
+mod arrivals;
 mod granite_line;
 mod terminal;
 mod valve_line;
 
 use crate::laboratory::{DeviceOutputs, Laboratory, STEP_NS};
 use crate::{LabConfig, LabError, TRUTH_PERIOD_NS};
+use arrivals::{Arrivals, Line};
 use fss_bus::{Time, realtime};
 use fss_messages::TruthState;
 use fss_plant::Plant;
@@ -58,6 +60,7 @@ pub struct Stepped {
 #[derive(Debug)]
 pub struct Process {
     laboratory: Laboratory,
+    arrivals: Arrivals,
     ports: Ports,
     valve_line: ValveLine,
     granite_line: Option<GraniteLine>,
@@ -90,11 +93,19 @@ impl Process {
             gyro: Terminal::open(&addresses.gyro)?,
             warned: false,
         };
-        let valve_line = ValveLine::open(&addresses.valves)?;
+        let arrivals = Arrivals::new()?;
+        let valve_line = ValveLine::open(&addresses.valves, &arrivals)?;
         let granite_line = addresses.granite.map(|[here, there]| GraniteLine::open(here, there)).transpose()?;
+        arrivals.watch(ports.gyro.line(), Line::Gyro).map_err(LabError::Watch)?;
+        for (link, socket) in ports.links.iter().enumerate() {
+            arrivals.watch(socket, Line::Link(link)).map_err(LabError::Watch)?;
+        }
+        if let Some(line) = &granite_line {
+            arrivals.watch(line.socket(), Line::Granite).map_err(LabError::Watch)?;
+        }
         let start_ns = realtime::now()?.ns();
         let laboratory = Laboratory::new(plant, config, start_ns)?;
-        Ok(Self { laboratory, ports, valve_line, granite_line, next_truth_ns: start_ns })
+        Ok(Self { laboratory, arrivals, ports, valve_line, granite_line, next_truth_ns: start_ns })
     }
 
     /// The laboratory inside.
@@ -109,19 +120,23 @@ impl Process {
 
     /// Takes what came in, and lets the laboratory go on to `now`.
     pub fn step(&mut self, now: Time) {
-        if let Some(mask) = self.valve_line.poll(now) {
-            self.laboratory.set_valves(mask);
+        let (arrivals, laboratory) = (&mut self.arrivals, &mut self.laboratory);
+        arrivals.look();
+        if let Some(mask) = self.valve_line.poll(now, arrivals) {
+            laboratory.set_valves(mask);
         }
-        let laboratory = &mut self.laboratory;
-        self.ports.gyro.poll(|byte| laboratory.request_gyro(byte));
+        self.ports.gyro.poll(arrivals.came_on(Line::Gyro), |byte| laboratory.request_gyro(byte));
         let mut buffer = [0; MAX_COMMAND_LEN];
-        for (link, socket) in self.ports.links.iter().enumerate() {
+        let links = self.ports.links.iter().enumerate();
+        for (link, socket) in links.filter(|(link, _)| arrivals.came_on(Line::Link(*link))) {
             for _ in 0..MAX_COMMANDS_PER_STEP {
                 let Ok((len, from)) = socket.recv_from(&mut buffer) else { break };
                 laboratory.command_link(link, from, buffer.get(..len).unwrap_or_default());
             }
         }
-        if let Some(other) = self.granite_line.as_ref().and_then(GraniteLine::hear) {
+        if arrivals.came_on(Line::Granite)
+            && let Some(other) = self.granite_line.as_ref().and_then(GraniteLine::hear)
+        {
             laboratory.hear(&other);
         }
         laboratory.step_to(now.ns(), &mut self.ports);

@@ -52,8 +52,18 @@ impl Terminal {
         symlink(&self.name, path).map_err(|e| error("publishing the gyro's terminal", e))
     }
 
-    /// Reads what the computer asks of the gyro, and notices whether anybody has the line open.
-    pub(super) fn poll(&mut self, mut request: impl FnMut(u8)) {
+    /// The end that is read and written.
+    pub(super) fn line(&self) -> &OwnedFd {
+        &self.master
+    }
+
+    /// Reads what the computer asks of the gyro, where anything came, and notices whether anybody has the line open: that
+    /// nobody has is news as well, again and again.
+    pub(super) fn poll(&mut self, has_news: bool, mut request: impl FnMut(u8)) {
+        if !has_news {
+            self.is_read = true;
+            return;
+        }
         let mut buffer = [0; 64];
         match rustix::io::read(&self.master, &mut buffer) {
             Ok(len) => {

@@ -4,6 +4,7 @@
 //! is frozen), no pull-down helps. Together with the `thrusters` service's dead-man of 45 ms its [`WATCHDOG_NS`] shuts
 //! every valve within 100 ms of the last command.
 
+use super::arrivals::{Arrivals, Line};
 use crate::LabError;
 use fss_bus::Time;
 use fss_wire::valves::Decoder;
@@ -33,7 +34,7 @@ pub(super) struct ValveLine {
 
 impl ValveLine {
     /// Listens at `path`; a socket left by a dead laboratory is replaced, that of a living one is an error.
-    pub(super) fn open(path: &Path) -> Result<Self, LabError> {
+    pub(super) fn open(path: &Path, arrivals: &Arrivals) -> Result<Self, LabError> {
         let error = |what| move |source| LabError::Path { what, path: path.to_path_buf(), source };
         if fs::symlink_metadata(path).is_ok_and(|meta| meta.file_type().is_socket()) {
             if UnixStream::connect(path).is_ok() {
@@ -45,6 +46,7 @@ impl ValveLine {
         let line =
             Self { listener, path: path.to_path_buf(), driver: None, last: (SHUT, Time::default()), looked: None };
         line.listener.set_nonblocking(true).map_err(error("opening the valve line"))?;
+        arrivals.watch(&line.listener, Line::Drivers).map_err(error("watching the valve line"))?;
         fs::set_permissions(path, Permissions::from_mode(0o600)).map_err(error("protecting the valve line"))?;
         Ok(line)
     }
@@ -53,9 +55,9 @@ impl ValveLine {
     ///
     /// A real box goes on counting while the host does not run this laboratory. Where it was not looked for longer than the
     /// watchdog waits, frames that have come meanwhile do not tell when: they open nothing, the next one does.
-    pub(super) fn poll(&mut self, now: Time) -> Option<u16> {
+    pub(super) fn poll(&mut self, now: Time, arrivals: &Arrivals) -> Option<u16> {
         let stood_still = self.looked.replace(now).is_some_and(|before| now.age_ns(before.ns()) > WATCHDOG_NS);
-        if let Some(mask) = self.news().map(|mask| if stood_still { SHUT } else { mask }) {
+        if let Some(mask) = self.news(arrivals).map(|mask| if stood_still { SHUT } else { mask }) {
             self.last = (mask, now);
             return Some(mask);
         }
@@ -66,11 +68,17 @@ impl ValveLine {
         })
     }
 
-    fn news(&mut self) -> Option<u16> {
-        let mut news = self.read();
+    fn news(&mut self, arrivals: &Arrivals) -> Option<u16> {
+        let mut news = if arrivals.came_on(Line::Valves) { self.read() } else { None };
+        if !arrivals.came_on(Line::Drivers) {
+            return news;
+        }
         while let Ok((stream, _)) = self.listener.accept() {
             // Who comes while the lines are taken is sent away.
-            if self.driver.is_none() && stream.set_nonblocking(true).is_ok() {
+            if self.driver.is_none()
+                && stream.set_nonblocking(true).is_ok()
+                && arrivals.watch(&stream, Line::Valves).is_ok()
+            {
                 self.driver = Some((stream, Decoder::new()));
                 news = self.read().or(news);
             }
@@ -117,7 +125,8 @@ mod tests {
     fn frames_that_waited_while_the_host_stood_still_open_no_valve() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("valves.sock");
-        let mut line = ValveLine::open(&path).unwrap();
+        let mut arrivals = Arrivals::new().unwrap();
+        let mut line = ValveLine::open(&path, &arrivals).unwrap();
         let mut driver = UnixStream::connect(&path).unwrap();
         let at_ms = |ms: u64| Time::from_ns(1_000_000_000 + ms * 1_000_000);
         let mut counter = 0;
@@ -125,14 +134,18 @@ mod tests {
             counter += 1;
             driver.write_all(&ValveFrame { mask, counter }.encode()).unwrap();
         };
-        line.poll(at_ms(0));
+        let mut poll = |now| {
+            arrivals.look();
+            line.poll(now, &arrivals)
+        };
+        poll(at_ms(0));
         send(0b11);
-        assert_eq!(line.poll(at_ms(1)), Some(0b11));
+        assert_eq!(poll(at_ms(1)), Some(0b11));
         send(0b11);
-        assert_eq!(line.poll(at_ms(201)), Some(SHUT));
+        assert_eq!(poll(at_ms(201)), Some(SHUT));
         send(0b11);
-        assert_eq!(line.poll(at_ms(202)), Some(0b11));
-        assert_eq!(line.poll(at_ms(220)), None);
-        assert_eq!(line.poll(at_ms(238)), Some(SHUT));
+        assert_eq!(poll(at_ms(202)), Some(0b11));
+        assert_eq!(poll(at_ms(220)), None);
+        assert_eq!(poll(at_ms(238)), Some(SHUT));
     }
 }
