@@ -155,13 +155,13 @@ impl ClampedFlight<'_> {
         simulation.set_state([0.0; 3], [0.0; 3], &start[..n], &start[n..2 * n]);
         let mut out = Vec::with_capacity(window.len() * 2 * n);
         for k in window.clone() {
-            let truth = simulation.truth();
             let physics = simulation.physics();
-            for i in 0..n {
-                let late = physics.sensors.link_age_s(i) * truth.qd_rad_s[i];
-                out.push(joints.q_rad[i][k] - physics.joints[i].encoder_reading(truth.q_rad[i] - late));
-            }
-            out.extend((0..n).map(|i| joints.qd_rad_s[i][k] - physics.joints[i].encoder_scale * truth.qd_rad_s[i]));
+            out.extend((0..n).map(|i| {
+                let (q_rad, qd_rad_s) = simulation.joint(i);
+                let late = physics.sensors.link_age_s(i) * qd_rad_s;
+                joints.q_rad[i][k] - physics.joints[i].encoder_reading(q_rad - late)
+            }));
+            out.extend((0..n).map(|i| joints.qd_rad_s[i][k] - physics.joints[i].encoder_scale * simulation.joint(i).1));
             if k + 1 < window.end {
                 drive(&mut simulation, self.record.drive, joints, k);
                 simulation.step(joints.t_s[k + 1] - joints.t_s[k]);

@@ -125,12 +125,15 @@ impl Commands {
         let step_s = if any_is_hasty { STEP_S } else { SWING_STEP_S };
         let still = Plant { disturbance: None, ..plant.clone() };
         self.play_in_steps(step_s, &still, 0, SWING_ROW_STEPS, |simulation| {
-            let truth = simulation.truth();
-            for (many, value) in
-                [(&mut out.motor, truth.motor_rad), (&mut out.link, truth.q_rad), (&mut out.link_rate, truth.qd_rad_s)]
-            {
-                many.t_s.push(truth.t_s);
-                many.values.iter_mut().zip(value).for_each(|(values, value)| values.push(value));
+            let CarriedOut { motor, link, link_rate } = &mut out;
+            for many in [&mut *motor, link, link_rate] {
+                many.t_s.push(simulation.t_s());
+            }
+            for i in 0..self.joints.len() {
+                let (q_rad, qd_rad_s) = simulation.joint(i);
+                motor.values[i].push(simulation.motor(i).0);
+                link.values[i].push(q_rad);
+                link_rate.values[i].push(qd_rad_s);
             }
         })?;
         Ok(out)

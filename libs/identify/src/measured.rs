@@ -160,10 +160,25 @@ pub struct Joints {
 }
 
 impl Many {
+    /// How many rows are not later than `t_s`. Most rows are as far apart as all others: there a guess finds it.
+    fn rows_until(&self, t_s: f64) -> usize {
+        let times = &self.t_s;
+        let is_between = |rows: usize| {
+            let goes_before = times.get(rows).is_none_or(|next| *next > t_s);
+            goes_before && rows.checked_sub(1).and_then(|last| times.get(last)).is_none_or(|last| *last <= t_s)
+        };
+        let guessed = match times[..] {
+            [first, .., last] => ((t_s - first) / (last - first) * (times.len() - 1) as f64) as usize,
+            _ => 0,
+        };
+        let near = [guessed + 1, guessed, guessed + 2].into_iter().filter(|rows| *rows <= times.len());
+        near.into_iter().find(|rows| is_between(*rows)).unwrap_or_else(|| times.partition_point(|t| *t <= t_s))
+    }
+
     /// A joint's value at `t_s`, linear between rows and constant outside; `None` without that joint.
     pub fn at(&self, joint: usize, t_s: f64) -> Option<f64> {
         let values = self.values.get(joint)?;
-        let after = self.t_s.partition_point(|t| *t <= t_s);
+        let after = self.rows_until(t_s);
         let before = after.checked_sub(1)?;
         let (Some(t1), Some(v1)) = (self.t_s.get(after), values.get(after)) else { return values.last().copied() };
         let (t0, v0) = (self.t_s[before], values[before]);
@@ -180,7 +195,7 @@ impl Many {
         let slope = |i: usize| (values[i + 1] - values[i]) / (self.t_s[i + 1] - self.t_s[i]);
         let middle = |i: usize| 0.5 * (self.t_s[i] + self.t_s[i + 1]);
         // Slopes stand at the middles of the intervals; between two middles they are interpolated.
-        let i = self.t_s.partition_point(|t| *t <= t_s).saturating_sub(1).min(n - 2);
+        let i = self.rows_until(t_s).saturating_sub(1).min(n - 2);
         let (a, b) = if t_s < middle(i) { (i.saturating_sub(1), i) } else { (i, (i + 1).min(n - 2)) };
         if a == b {
             return Some(slope(a));
@@ -197,7 +212,7 @@ impl Many {
         }
         let slope = |i: usize| (values[i + 1] - values[i]) / (self.t_s[i + 1] - self.t_s[i]);
         let second = |i: usize| (slope(i) - slope(i - 1)) / (0.5 * (self.t_s[i + 1] - self.t_s[i - 1]));
-        let before = self.t_s.partition_point(|t| *t <= t_s).saturating_sub(1).clamp(1, n - 2);
+        let before = self.rows_until(t_s).saturating_sub(1).clamp(1, n - 2);
         let after = (before + 1).min(n - 2);
         if after == before {
             return Some(second(before));

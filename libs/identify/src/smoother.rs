@@ -43,7 +43,6 @@ struct Update {
 }
 
 /// The filter at one time, after what was measured then.
-#[derive(Clone)]
 struct Step {
     t_s: f64,
     mean: Vector3<f64>,
@@ -123,23 +122,22 @@ fn filter(measurements: &[Measurement], noise: Noise, jerk: f64, grid_s: &[f64])
     let first = measurements.first().map_or(0.0, |m| m.t_s).min(grid_s.first().copied().unwrap_or(f64::INFINITY));
     let sd = Vector3::from(START_SD);
     let covariance = Matrix3::from_diagonal(&sd.component_mul(&sd));
-    let mut now = Step { t_s: first, mean: Vector3::zeros(), covariance, updates: [None; 2], on_grid: false };
-    let mut all = Vec::with_capacity(measurements.len() + grid_s.len());
+    let begin = Step { t_s: first, mean: Vector3::zeros(), covariance, updates: [None; 2], on_grid: false };
+    let mut all: Vec<Step> = Vec::with_capacity(measurements.len() + grid_s.len());
+    let ahead = |all: &[Step], t_s: f64| all.last().unwrap_or(&begin).ahead(t_s, jerk);
     let mut likelihood = 0.0;
     let mut grid = grid_s.iter().copied().peekable();
     for m in measurements {
         while let Some(t_s) = grid.next_if(|t| *t < m.t_s) {
-            now = Step { on_grid: true, ..now.ahead(t_s, jerk) };
-            all.push(now.clone());
+            all.push(Step { on_grid: true, ..ahead(&all, t_s) });
         }
-        now = now.ahead(m.t_s, jerk);
+        let mut now = ahead(&all, m.t_s);
         likelihood += m.angle.filter(|v| v.is_finite()).map_or(0.0, |angle| now.update(0, angle, noise.angle));
         likelihood += m.rate.filter(|v| v.is_finite()).map_or(0.0, |rate| now.update(1, rate, noise.rate));
-        all.push(now.clone());
+        all.push(now);
     }
     for t_s in grid {
-        now = Step { on_grid: true, ..now.ahead(t_s, jerk) };
-        all.push(now.clone());
+        all.push(Step { on_grid: true, ..ahead(&all, t_s) });
     }
     (all, likelihood)
 }

@@ -41,7 +41,7 @@ impl Model {
     ///
     /// `prescribed[i]`, rad/s^2, rules joint `i + 1`; for such a joint `tau` is ignored.
     pub fn hybrid_dynamics(&self, state: &State, tau: &Coordinates, prescribed: &Prescribed) -> Hybrid {
-        let acc = by_bodies!(self, hybrid(self, state, tau, prescribed));
+        let acc = self.hybrid_accelerations(state, tau, prescribed);
         let needed = self.inverse_dynamics(state, &acc);
         let mut torques = *tau;
         for (i, joint) in prescribed.iter().enumerate().take(self.link_count()) {
@@ -50,6 +50,11 @@ impl Model {
             }
         }
         Hybrid { acc, tau: torques }
+    }
+
+    /// The accelerations of [`Model::hybrid_dynamics`] alone, for half its price.
+    pub fn hybrid_accelerations(&self, state: &State, tau: &Coordinates, prescribed: &Prescribed) -> Coordinates {
+        by_bodies!(self, hybrid(self, state, tau, prescribed))
     }
 
     /// Accelerations when all joint accelerations are given (rad/s^2, one a joint) and `[Fx, Fy, Mz]` acts on the

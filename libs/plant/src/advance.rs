@@ -64,8 +64,11 @@ impl Dynamics {
         self.restore(motion, &momentum);
     }
 
-    /// Linear momentum and angular momentum about the table's origin.
+    /// Linear momentum and angular momentum about the table's origin; of a clamped vehicle nobody asks.
     fn momentum(&self, motion: &Motion) -> Vector3<f64> {
+        if self.physics.base.clamped {
+            return Vector3::zeros();
+        }
         about_origin(&motion.state.q, &self.model.momentum(&motion.state).about_base())
     }
 
@@ -83,8 +86,11 @@ impl Dynamics {
         }
     }
 
-    /// Force and torque from outside, about the table's origin: `outside` and gravity.
+    /// Force and torque from outside, about the table's origin: `outside` and gravity; on a clamped vehicle nobody asks.
     fn external(&self, motion: &Motion, outside: &Coordinates) -> Vector3<f64> {
+        if self.physics.base.clamped {
+            return Vector3::zeros();
+        }
         let q = &motion.state.q;
         let mut sum = about_origin(q, &Vector3::new(outside[0], outside[1], outside[2]));
         let [gx, gy] = self.model.gravity_m_s2();
@@ -223,9 +229,9 @@ impl Dynamics {
         let at_rest = State::at_rest(motion.state.q);
         let mut changes = self.resting(sliding).unwrap_or_default();
         changes[i] = Some(0.0);
-        let without = model.hybrid_dynamics(&at_rest, &Coordinates::zeros(), &changes).acc;
+        let without = model.hybrid_accelerations(&at_rest, &Coordinates::zeros(), &changes);
         changes[i] = Some(-motion.state.v[3 + i]);
-        let change = model.hybrid_dynamics(&at_rest, &Coordinates::zeros(), &changes).acc - without;
+        let change = model.hybrid_accelerations(&at_rest, &Coordinates::zeros(), &changes) - without;
         motion.state.v += change;
         motion.state.v[3 + i] = 0.0;
     }

@@ -97,7 +97,7 @@ impl Dynamics {
                 let base = force.fixed_rows::<3>(0).into_owned();
                 self.model.prescribed_dynamics(state, &JointVector::zeros(), &base)
             }
-            Some(resting) => self.model.hybrid_dynamics(state, &force, &resting).acc,
+            Some(resting) => self.model.hybrid_accelerations(state, &force, &resting),
         };
         Rates { joints, rotors, outside }
     }

@@ -1,6 +1,6 @@
 //! The laboratory in motion: commands in, time forward, truth out.
 
-use fss_multibody::{Model, ModelError};
+use fss_multibody::{Model, ModelError, State};
 
 use crate::check::MAX_LINKS;
 use crate::contact::Target;
@@ -313,6 +313,18 @@ impl Simulation {
         let dynamics = &mut self.stages[self.stage].1;
         dynamics.physics.grasped = None;
         dynamics.set_used_gas(used);
+    }
+
+    /// Angle and rate of joint `joint` (from 0) now, without encoder errors (rad, rad/s); zeros where there is no such
+    /// joint. What [`Simulation::truth`] says of it, without working out all that it does not ask for.
+    pub fn joint(&self, joint: usize) -> (f64, f64) {
+        let State { q, v } = &self.motion.state;
+        if joint < self.joint_count() { (q[3 + joint], v[3 + joint]) } else { (0.0, 0.0) }
+    }
+
+    /// The same of its motor as seen at the joint.
+    pub fn motor(&self, joint: usize) -> (f64, f64) {
+        if joint < self.joint_count() { self.dynamics().motor(joint, &self.motion) } else { (0.0, 0.0) }
     }
 
     /// The truth now.

@@ -69,13 +69,14 @@ pub(super) struct Swing {
     /// Telemetry, and what the simulation expects of the encoders.
     pub(super) expected: Run,
     pub(super) readings: Vec<Vec<Reading>>,
+    /// Of joints whose drives swing; the others' are empty.
     ahead: Vec<Vec<[f64; 3]>>,
 }
 
 impl Swing {
     /// Angle, rate and acceleration of a link less those of its motor, where that is what a drive does.
     pub(super) fn ahead(&self, joint: usize, at: usize, drive: &JointPhysics) -> Option<[f64; 3]> {
-        drive.stiffness_n_m_rad.filter(|k| *k < STIFF_N_M_RAD).map(|_| self.ahead[joint][at])
+        drive.stiffness_n_m_rad.filter(|k| *k < STIFF_N_M_RAD).and_then(|_| self.ahead[joint].get(at).copied())
     }
 }
 
@@ -97,7 +98,8 @@ impl Swings {
         if drives.is_empty() {
             return None;
         }
-        self.corrected.of(&drives, REMEMBERED, || Some(self.corrected(&*self.near(&drives, commands)?, run, grid_s)))
+        self.corrected
+            .of(&drives, REMEMBERED, || Some(self.corrected(&drives, &*self.near(&drives, commands)?, run, grid_s)))
     }
 
     /// What drives do, from what they do at stiffnesses nearby.
@@ -125,7 +127,7 @@ impl Swings {
         self.simulated.of(drives, REMEMBERED_SIMULATIONS, || commands.swung(&self.plant.with_effects(drives)).ok())
     }
 
-    fn corrected(&self, carried_out: &CarriedOut, run: &Run, grid_s: &[f64]) -> Swing {
+    fn corrected(&self, drives: &[Effect], carried_out: &CarriedOut, run: &Run, grid_s: &[f64]) -> Swing {
         // Commands throw a motor within milliseconds, and its link hardly at once: what the motor did between two rows must be
         // taken off as it was put on, or links would be thrown too.
         let CarriedOut { motor, link, link_rate } = carried_out;
@@ -137,7 +139,11 @@ impl Swings {
             ])
         };
         let joints = 0..self.ages_s.len();
-        let of_joint = |i: usize| grid_s.iter().map(|t_s| at(i, *t_s).unwrap_or_default()).collect();
+        let swings = |i: usize| drives.iter().any(|drive| drive.index().is_none_or(|joint| joint == i + 1));
+        let of_joint = |i: usize| {
+            let times = if swings(i) { grid_s } else { &[] };
+            times.iter().map(|t_s| at(i, *t_s).unwrap_or_default()).collect()
+        };
         let ahead = joints.clone().map(of_joint).collect();
         let expected = Run { joint_command: Some(motor.clone()), joints: run.joints.clone(), ..Run::default() };
         let reading = |i: usize| readings(&expected, i, &self.plant.sensors, &|_| self.ages_s[i], grid_s);
@@ -213,7 +219,8 @@ mod tests {
         let link = joint_2(&t_s, |t| 0.2 * (t - 1.0).max(0.0) - 0.1 * link_rate(t));
         let carried_out = CarriedOut { motor, link, link_rate: joint_2(&t_s, link_rate) };
         let grid_s: Vec<f64> = (0..200).map(|k| 0.01 * f64::from(k)).collect();
-        let swing = swings.corrected(&carried_out, &Run::default(), &grid_s);
+        let soft = Effect::new("joint_flexibility").unwrap().at(2).with(&[150.0]);
+        let swing = swings.corrected(&[soft], &carried_out, &Run::default(), &grid_s);
         for (k, t_s) in grid_s.iter().enumerate() {
             let rate = swing.readings[1][k].value[1] + swing.ahead[1][k][1];
             assert!((rate - link_rate(*t_s)).abs() < 1e-3, "{rate} rad/s at {t_s} s, not {}", link_rate(*t_s));

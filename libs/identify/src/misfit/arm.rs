@@ -26,10 +26,10 @@ pub(super) fn misfit(plant: &Plant, run: &Run, window_s: f64) -> Result<Vec<Chan
         }
         drive(&mut simulation, run.drive, joints, k);
         simulation.step(joints.t_s[k + 1] - joints.t_s[k]);
-        let truth = simulation.truth();
         for i in 0..n {
-            angles[i].add(joints.t_s[k + 1], joints.q_rad[i][k + 1] - truth.q_rad[i], variances[0]);
-            rates[i].add(joints.t_s[k + 1], joints.qd_rad_s[i][k + 1] - truth.qd_rad_s[i], variances[1]);
+            let (q_rad, qd_rad_s) = simulation.joint(i);
+            angles[i].add(joints.t_s[k + 1], joints.q_rad[i][k + 1] - q_rad, variances[0]);
+            rates[i].add(joints.t_s[k + 1], joints.qd_rad_s[i][k + 1] - qd_rad_s, variances[1]);
         }
     }
     let named = |all: Vec<Gathered>, prefix: &str| {
