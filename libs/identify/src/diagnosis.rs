@@ -371,7 +371,9 @@ fn nothing_asserted(contest: &Contest, left: &Refined) -> Verdict {
 
 fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f64>>) {
     const SHOWN: usize = 10;
-    let excess = (selection.before.chi2 - selection.before.freedom).max(1.0);
+    // Where the whole is no more than noise would be, what one cause explains can still be more than noise.
+    let most = selection.screened.iter().map(|s| s.gain).fold(1.0, f64::max);
+    let excess = (selection.before.chi2 - selection.before.freedom).max(most);
     let mut shown = Vec::new();
     for s in &selection.screened {
         let twin = |o: &&crate::contest::Screened| {

@@ -171,8 +171,9 @@ impl Many {
             [first, .., last] => ((t_s - first) / (last - first) * (times.len() - 1) as f64) as usize,
             _ => 0,
         };
-        let near = [guessed + 1, guessed, guessed + 2].into_iter().filter(|rows| *rows <= times.len());
-        near.into_iter().find(|rows| is_between(*rows)).unwrap_or_else(|| times.partition_point(|t| *t <= t_s))
+        let guessed = guessed.min(times.len());
+        let mut near = [guessed + 1, guessed, guessed + 2].into_iter().filter(|rows| *rows <= times.len());
+        near.find(|rows| is_between(*rows)).unwrap_or_else(|| times.partition_point(|t| *t <= t_s))
     }
 
     /// A joint's value at `t_s`, linear between rows and constant outside; `None` without that joint.
@@ -219,5 +220,37 @@ impl Many {
         }
         let share = ((t_s - self.t_s[before]) / (self.t_s[after] - self.t_s[before])).clamp(0.0, 1.0);
         Some(second(before) + share * (second(after) - second(before)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn rows_are_found_at_once_or_by_search_the_same() {
+        let seed = 16;
+        println!("seed {seed}");
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        for case in 0..200 {
+            // Even rows, rows of a shaky clock, and rows with gaps and repeats.
+            let count = rng.random_range(0..60);
+            let mut now = rng.random_range(-5.0..5.0);
+            let mut next = || {
+                now += match case % 3 {
+                    0 => 0.005,
+                    1 => 0.01 + rng.random_range(-0.004..0.004),
+                    _ => [0.0, 0.01, 3.0][rng.random_range(0..3)],
+                };
+                now
+            };
+            let t_s: Vec<f64> = (0..count).map(|_| next()).collect();
+            let asked = t_s.iter().flat_map(|t| [*t, t - 1e-9, t + 0.004]).chain([f64::MIN, -6.0, 1e9, f64::NAN]);
+            for t in asked.collect::<Vec<_>>() {
+                let many = Many { t_s: t_s.clone(), values: Vec::new() };
+                assert_eq!(many.rows_until(t), t_s.partition_point(|row| *row <= t), "{t} in {t_s:?}");
+            }
+        }
     }
 }
