@@ -176,16 +176,15 @@ fn both(schedule: &Schedule, prefix: &str, turns: u64) -> Result<JitterTimes> {
     })
 }
 
-/// What cyclictest does: sleep until an absolute time, look how late it is.
+/// What cyclictest does: sleep until an absolute time, look how late it is. It sleeps until the same boundaries as our loop, the
+/// multiples of the period: what else wakes there, the kernel's tick first of all, disturbs both.
 fn run_bare(clock: &mut Clock) -> Result<()> {
     let period_ns = clock.period_ns;
-    let mut boundary = realtime::now().into_diagnostic()?.plus_ns(period_ns);
     while !clock.stop.load(Ordering::Relaxed) {
+        let now = realtime::now().into_diagnostic()?;
+        let boundary = Time::from_ns((now.ns() / period_ns + 1) * period_ns);
         realtime::sleep_until(boundary);
         clock.tick(boundary);
-        let now = realtime::now().into_diagnostic()?;
-        let passed = now.age_ns(boundary.ns()) / period_ns;
-        boundary = boundary.plus_ns((passed + 1) * period_ns);
     }
     Ok(())
 }
