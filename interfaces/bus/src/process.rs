@@ -28,12 +28,12 @@ pub fn run<S: Service>(
 ) -> Result<Privileges, BusError> {
     let mut health = Output::open(bus, topic::HEALTH)?;
     let mut events = Output::open(bus, topic::EVENTS)?;
-    let mut monitor = Monitor::new(S::NAME, *schedule.rate_hz.get_ref(), starts)?;
+    let mut monitor = Monitor::new(S::NAME, schedule, starts)?;
     let granted = realtime::enter(schedule);
     monitor.set_privileges(granted.real_time, granted.memory_locked);
     announce::<S>(&mut events, &granted, starts, realtime::now()?);
 
-    let (period_ns, deadline_ns) = (schedule.period_ns(), schedule.deadline_ns());
+    let period_ns = schedule.period_ns();
     let mut phase = Phase::of(schedule);
     // What waited while the process was starting is stale: each input begins with its newest sample.
     runner.inputs.refresh();
@@ -51,9 +51,7 @@ pub fn run<S: Service>(
         after_step();
         let dropped = runner.flush(realtime::now()?);
         let done = realtime::now()?;
-
-        let step_ns = done.age_ns(woken.ns());
-        monitor.count_step(woken.age_ns(boundary.ns()), step_ns, done > boundary.plus_ns(deadline_ns), dropped);
+        monitor.count_step(boundary, woken, done, dropped);
         if done.ns() >= next_report_ns {
             runner.inputs.ages_ns(boundary, monitor.input_ages_mut());
             health.publish(monitor.report(done));

@@ -8,8 +8,9 @@ use std::sync::{Mutex, PoisonError};
 
 /// The watch wakes so often, ns: what makes the fastest loop (1 kHz) late lies across two of its wakes at least.
 const WATCH_PERIOD_NS: u64 = 250_000;
-/// A watch that wakes so much later was held up by the host: nothing on it has a higher priority.
-const STALL_NS: u64 = 300_000;
+/// A watch that wakes so much later was held up by the host: nothing on the core has a higher priority. The host may hold
+/// a core up in many bits: each counts, and their sum tells.
+const HELD_UP_NS: u64 = 100_000;
 /// Above all services.
 const WATCH_PRIORITY: u8 = 98;
 /// How long a process that died, starts or joins may disturb the others: it maps memory, they map its.
@@ -18,7 +19,8 @@ const DISTURBED_NS: u64 = 1_500_000_000;
 /// How many overruns each cause explains.
 #[derive(Debug, Default, Serialize)]
 pub struct Causes {
-    /// A bare loop of the highest priority on the same core was late too: the host did not run it.
+    /// Between the step's boundary and its end the host held its core up, seen by a bare loop of the highest priority,
+    /// for as long as the step ended after its deadline, but for what the loop cannot see.
     pub host_stalled: u64,
     /// A process had just been killed or frozen, or came back.
     pub blow: u64,
@@ -37,17 +39,19 @@ pub struct Unexplained {
     count: u64,
     /// When the report that counts them came, from the start of the stack, s.
     at_s: f64,
-    /// The latest that a step of the report began, ms.
-    late_ms_max: f64,
-    /// The longest that one took, ms.
-    step_ms_max: f64,
+    /// Of the one that ended latest: how long after its boundary, ms.
+    ended_ms: f64,
+    /// How long after its deadline, ms.
+    excess_ms: f64,
+    /// How long the host had held its core up between the two, ms.
+    held_up_ms: f64,
 }
 
 /// What is known of a flight's disturbances.
 #[derive(Default)]
 pub struct Disturbances {
-    /// When the host stalled: core, from, to, ns.
-    stalls: Mutex<Vec<(usize, u64, u64)>>,
+    /// When the host held a core up: core, from, to, ns.
+    held_up: Mutex<Vec<(usize, u64, u64)>>,
     /// When processes were struck, ns.
     blows_ns: Mutex<Vec<u64>>,
 }
@@ -62,11 +66,20 @@ impl Disturbances {
             next = next.plus_ns(WATCH_PERIOD_NS);
             realtime::sleep_until(next);
             let Ok(woken) = realtime::now() else { return };
-            if woken.age_ns(next.ns()) > STALL_NS {
-                self.stalls.lock().unwrap_or_else(PoisonError::into_inner).push((core, next.ns(), woken.ns()));
-                next = woken;
+            if woken.age_ns(next.ns()) > HELD_UP_NS {
+                self.held_up.lock().unwrap_or_else(PoisonError::into_inner).push((core, next.ns(), woken.ns()));
+            }
+            if woken.age_ns(next.ns()) > WATCH_PERIOD_NS {
+                next = woken; // not in a burst
             }
         }
+    }
+
+    /// How long the host held up the core, any where absent, between two times, ns.
+    fn held_up_ns(&self, core: Option<usize>, (from_ns, to_ns): (u64, u64)) -> u64 {
+        let held_up = self.held_up.lock().unwrap_or_else(PoisonError::into_inner);
+        let here = held_up.iter().filter(|(on, ..)| core.is_none_or(|core| core == *on));
+        here.map(|(_, from, to)| to.min(&to_ns).saturating_sub(*from.max(&from_ns))).sum()
     }
 
     /// A process was struck at this time, ns.
@@ -83,13 +96,12 @@ impl Disturbances {
         start_ns: u64,
         causes: &mut Causes,
     ) -> Option<Unexplained> {
-        let stalls = self.stalls.lock().unwrap_or_else(PoisonError::into_inner);
-        let stalled = stalls.iter().any(|(on, from_ns, to_ns)| {
-            core.is_none_or(|core| core == *on) && *from_ns <= late.to_ns && *to_ns >= late.from_ns
-        });
+        let held_up_ns = self.held_up_ns(core, (late.boundary_ns, late.boundary_ns + late.end_ns));
         let blows_ns = self.blows_ns.lock().unwrap_or_else(PoisonError::into_inner);
         let struck = blows_ns.iter().any(|at| *at <= late.to_ns && at + DISTURBED_NS >= late.from_ns);
-        let cause = if stalled {
+        // What is held up begins up to a period of the watch before the watch can be late.
+        let unseen_ns = held_up_ns.min(WATCH_PERIOD_NS);
+        let cause = if held_up_ns + unseen_ns >= late.excess_ns {
             &mut causes.host_stalled
         } else if late.from_ns < start_ns + DISTURBED_NS {
             &mut causes.start
@@ -103,8 +115,9 @@ impl Disturbances {
                 service: late.service.clone(),
                 count: late.count,
                 at_s: late.to_ns.saturating_sub(start_ns) as f64 * 1e-9,
-                late_ms_max: late.wake_max_ns as f64 * 1e-6,
-                step_ms_max: late.step_max_ns as f64 * 1e-6,
+                ended_ms: late.end_ns as f64 * 1e-6,
+                excess_ms: late.excess_ns as f64 * 1e-6,
+                held_up_ms: held_up_ns as f64 * 1e-6,
             });
         };
         *cause += late.count;
@@ -116,22 +129,48 @@ impl Disturbances {
 mod tests {
     use super::*;
 
+    /// A step of the base that ended 3.5 ms after its boundary, 0.5 ms after its deadline.
+    fn late(boundary_ns: u64) -> Late {
+        let (from_ns, to_ns) = (boundary_ns - 100_000_000, boundary_ns + 100_000_000);
+        Late { service: "base".to_owned(), from_ns, to_ns, count: 1, boundary_ns, end_ns: 3_500_000, excess_ns: 500_000 }
+    }
+
+    const PLACE: (Option<usize>, Option<u8>) = (Some(0), Some(80));
+
     #[test]
     fn an_overrun_is_unexplained_only_where_nothing_happened() {
         let disturbances = Disturbances::default();
-        disturbances.stalls.lock().unwrap_or_else(PoisonError::into_inner).push((0, 20_000_000_000, 20_001_000_000));
+        disturbances.held_up.lock().unwrap_or_else(PoisonError::into_inner).push((0, 20_001_000_000, 20_002_000_000));
         disturbances.note_blow(30_000_000_000);
         let mut causes = Causes::default();
         let mut unexplained = Vec::new();
-        for from_s in [0, 10, 20, 30, 40] {
-            let from_ns = from_s * 1_000_000_000;
-            let (service, to_ns) = ("base".to_owned(), from_ns + 200_000_000);
-            let late = Late { service, from_ns, to_ns, count: 1, wake_max_ns: 3_000_000, step_max_ns: 0 };
-            unexplained.extend(disturbances.explain(&late, (Some(0), Some(80)), 0, &mut causes));
+        for at_s in [1, 10, 20, 31, 40] {
+            unexplained.extend(disturbances.explain(&late(at_s * 1_000_000_000), PLACE, 0, &mut causes));
         }
         let counts = (causes.start, causes.host_stalled, causes.blow, causes.unexplained, causes.normal_scheduling);
         assert_eq!(counts, (1, 1, 1, 2, 0));
-        let told: Vec<_> = unexplained.iter().map(|u| (format!("{:.1} s", u.at_s), u.late_ms_max)).collect();
-        assert_eq!(told, [("10.2 s".to_owned(), 3.0), ("40.2 s".to_owned(), 3.0)]);
+        let told: Vec<_> = unexplained.iter().map(|u| (format!("{:.1} s", u.at_s), u.ended_ms, u.held_up_ms)).collect();
+        assert_eq!(told, [("10.1 s".to_owned(), 3.5, 0.0), ("40.1 s".to_owned(), 3.5, 0.0)]);
+    }
+
+    #[test]
+    fn the_host_explains_what_it_took_from_the_step_itself_and_no_more() {
+        // Where the host held cores up while the step of 5 s was on its way, us after its boundary.
+        let explained = |held_up: &[(usize, i64, i64)]| {
+            let disturbances = Disturbances::default();
+            let at = |us: i64| (5_000_000 + us) as u64 * 1000;
+            let held_up = held_up.iter().map(|(core, from, to)| (*core, at(*from), at(*to)));
+            disturbances.held_up.lock().unwrap_or_else(PoisonError::into_inner).extend(held_up);
+            let mut causes = Causes::default();
+            disturbances.explain(&late(5_000_000_000), PLACE, 0, &mut causes).is_none()
+        };
+        assert!(explained(&[(0, 1000, 1500)]), "as long as it was late");
+        assert!(explained(&[(0, 1000, 1260)]), "that long, and it began before the watch could see it");
+        assert!(explained(&[(0, 100, 280), (0, 400, 580), (0, 700, 880)]), "in bits");
+        assert!(explained(&[(0, -500, 500)]), "from before");
+        assert!(!explained(&[(0, 1000, 1240)]), "too short");
+        assert!(!explained(&[(0, -2000, 200)]), "mostly before");
+        assert!(!explained(&[(0, 3300, 9000)]), "mostly when it had ended");
+        assert!(!explained(&[(1, 1000, 2000)]), "on the other core");
     }
 }

@@ -304,18 +304,17 @@ pub fn lab(args: &SiteArgs) -> Result<()> {
     let mut laboratory = Process::open(site.stack.laboratory(), config, &addresses).into_diagnostic()?;
     let mut truth = Output::open(&site.bus, topic::TRUTH_STATE).into_diagnostic()?;
     let mut health = Output::open(&site.bus, topic::HEALTH).into_diagnostic()?;
-    let mut monitor = Monitor::new("lab", *schedule.rate_hz.get_ref(), site.starts).into_diagnostic()?;
+    let mut monitor = Monitor::new("lab", &schedule, site.starts).into_diagnostic()?;
     let granted = realtime::enter(&schedule);
     monitor.set_privileges(granted.real_time, granted.memory_locked);
-    let (deadline_ns, mut next_report_ns) = (schedule.deadline_ns(), 0);
+    let mut next_report_ns = 0;
     let tell_truth = |state: &TruthState| {
         truth.publish(*state);
         truth.flush(Time::from_ns(state.stamp_ns));
     };
     let report = |step: &Stepped| {
         let Stepped { boundary, woken, done, skipped } = *step;
-        let overrun = done > boundary.plus_ns(deadline_ns);
-        monitor.count_step(woken.age_ns(boundary.ns()), done.age_ns(woken.ns()), overrun, 0);
+        monitor.count_step(boundary, woken, done, 0);
         monitor.count_skipped(skipped);
         if done.ns() >= next_report_ns {
             next_report_ns = done.ns() + REPORT_PERIOD_NS;

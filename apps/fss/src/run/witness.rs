@@ -37,10 +37,12 @@ pub struct Late {
     pub to_ns: u64,
     /// How many.
     pub count: u64,
-    /// The latest that a step began meanwhile, ns.
-    pub wake_max_ns: u64,
-    /// The longest that one took, ns.
-    pub step_max_ns: u64,
+    /// Of the one that ended latest, its boundary, ns.
+    pub boundary_ns: u64,
+    /// How long after its boundary that one ended, ns.
+    pub end_ns: u64,
+    /// How long after its deadline, ns.
+    pub excess_ns: u64,
 }
 
 /// The last command that opened a valve.
@@ -150,8 +152,15 @@ impl Witness {
             let last = self.seen.counts.insert((service.clone(), health.starts), counts).unwrap_or_default();
             let count = health.overruns.saturating_sub(last.1);
             if count > 0 {
-                let (to_ns, wake_max_ns, step_max_ns) = (health.stamp_ns, health.wake_max_ns, health.step_max_ns);
-                self.seen.late.push(Late { service, from_ns: before, to_ns, count, wake_max_ns, step_max_ns });
+                self.seen.late.push(Late {
+                    service,
+                    from_ns: before,
+                    to_ns: health.stamp_ns,
+                    count,
+                    boundary_ns: health.overrun_boundary_ns,
+                    end_ns: health.overrun_end_ns,
+                    excess_ns: health.overrun_excess_ns,
+                });
             }
         }
         for (service, alive_ns) in &self.alive_ns {

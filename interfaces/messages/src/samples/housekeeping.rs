@@ -52,6 +52,12 @@ samples! {
         step_p99_ns: u64,
         /// step time, largest, ns
         step_max_ns: u64,
+        /// of the steps since the last report that ended after their deadline, the latest one's boundary, ns; 0 where none
+        overrun_boundary_ns: u64,
+        /// how long that one had ended after its boundary, ns
+        overrun_end_ns: u64,
+        /// how long it had ended after its deadline, ns
+        overrun_excess_ns: u64,
         /// age of each input at the last step, in the order of the service's ports, ns; all ones where never received
         input_age_ns: [u64; 8],
         /// the rate that the launch file gives, Hz
