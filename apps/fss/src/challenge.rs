@@ -16,7 +16,7 @@ use crate::files::write_silently;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use play::{Game, Played};
+use play::{EXPERIMENTS, Game, Played};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -34,6 +34,9 @@ pub struct ChallengeArgs {
     /// Play the seeds from A to B, B not included, and print how often the answers were right.
     #[arg(long, value_name = "A..B", value_parser = parse_seeds)]
     seeds: Option<Range<u64>>,
+    /// Fly only these experiments, and the one for validation: the fewer, the more stays undecided.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_values = EXPERIMENTS, value_parser = EXPERIMENTS)]
+    experiments: Vec<String>,
     /// Folder for logs and envelope; of many seeds, one folder each. Where absent, out/challenge-S, or none for many.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -78,7 +81,7 @@ fn one(args: &ChallengeArgs, seed: u64) -> Result<()> {
     let bar = ProgressBar::new_spinner();
     bar.enable_steady_tick(Duration::from_millis(100));
     bar.set_message("making ready");
-    let game = Game::new(args.plant.as_deref())?;
+    let game = Game::new(args.plant.as_deref(), &args.experiments)?;
     let played = game.play(seed, Some(&folder), None, &|what| bar.set_message(what.to_owned()))?;
     bar.finish_and_clear();
     story::tell(&played, &folder);
@@ -90,6 +93,8 @@ fn one(args: &ChallengeArgs, seed: u64) -> Result<()> {
 #[derive(Serialize, Deserialize)]
 struct ManyFile {
     format: String,
+    #[serde(default = "all_experiments")]
+    experiments: Vec<String>,
     seeds: Vec<Played>,
     #[serde(skip_deserializing)]
     gates: Vec<gates::Gate>,
@@ -98,6 +103,10 @@ struct ManyFile {
 /// Fewer seeds are told by their plain dose.
 const WORTH_A_SURVEY: usize = 10;
 const MANY_FORMAT: &str = "fss-challenge-table/1";
+
+fn all_experiments() -> Vec<String> {
+    EXPERIMENTS.map(str::to_owned).to_vec()
+}
 
 fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     let played = Mutex::new(if args.resume { resumed(args)? } else { BTreeMap::new() });
@@ -108,7 +117,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     {
         bar.set_style(style.progress_chars("=> "));
     }
-    let mut game = Game::new(args.plant.as_deref())?;
+    let mut game = Game::new(args.plant.as_deref(), &args.experiments)?;
     if left.len() >= WORTH_A_SURVEY {
         game = game.surveyed()?;
     }
@@ -123,7 +132,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
                 all.insert(seed, done);
                 // What was played so far can be taken up again.
                 if let (Some(path), 0) = (&args.json, all.len() % 10) {
-                    let _ = save(path, &all);
+                    let _ = save(path, &args.experiments, &all);
                 }
             }
             Err(error) => locked(&failures).push((seed, error)),
@@ -136,7 +145,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     let asked: Vec<&Played> = played.iter().filter(|(seed, _)| seeds.contains(seed)).map(|(_, p)| p).collect();
     gates::print(&asked);
     if let Some(path) = &args.json {
-        save(path, &played)?;
+        save(path, &args.experiments, &played)?;
         say!("{}", path.display());
     }
     for (seed, error) in &failures {
@@ -159,13 +168,21 @@ fn resumed(args: &ChallengeArgs) -> Result<BTreeMap<u64, Played>> {
     if file.format != MANY_FORMAT {
         return Err(miette!("{}: its format is '{}', not '{MANY_FORMAT}'", path.display(), file.format));
     }
+    if file.experiments != args.experiments {
+        let (there, asked) = (file.experiments.join(","), args.experiments.join(","));
+        return Err(miette!(
+            help = "give another --json file, or --experiments {there}",
+            "{}: its seeds flew {there}, not {asked}",
+            path.display()
+        ));
+    }
     Ok(file.seeds.into_iter().map(|played| (played.hidden.seed, played)).collect())
 }
 
-fn save(path: &Path, played: &BTreeMap<u64, Played>) -> Result<()> {
+fn save(path: &Path, experiments: &[String], played: &BTreeMap<u64, Played>) -> Result<()> {
     let seeds: Vec<Played> = played.values().cloned().collect();
     let gates = gates::table(&seeds.iter().collect::<Vec<_>>());
-    write_json(path, &ManyFile { format: MANY_FORMAT.to_owned(), seeds, gates })
+    write_json(path, &ManyFile { format: MANY_FORMAT.to_owned(), experiments: experiments.to_vec(), seeds, gates })
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {

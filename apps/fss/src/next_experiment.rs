@@ -22,6 +22,8 @@ use std::path::{Path, PathBuf};
 const STILL_POSSIBLE: f64 = 0.02;
 /// Causes that are compared at most: the first and its most probable alternatives.
 const MOST_CAUSES: usize = 4;
+/// A maneuver that shows less, RMS over noise and disturbance, hardly decides: its thousands of samples tell about a tenth.
+const WORTH_FLYING: f64 = 0.1;
 /// How far from the middle of the table the base may come along an axis, m.
 const SAFE_M: f64 = 1.75;
 /// The built-in missions that are candidates, each at the headings below beside its own.
@@ -82,8 +84,10 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
         best.gas_kg
     );
     write(&args.files.out, &format!("{header}{}", best.text))?;
-    if best.separation < 1.0 {
-        say!("None separates them well: each differs by less than noise and disturbance. A longer flight would help.");
+    if best.separation < WORTH_FLYING {
+        say!(
+            "None separates them well: each differs by less than {WORTH_FLYING} of noise and disturbance. A longer flight would help."
+        );
     }
     args.files.write_json(&candidates)
 }

@@ -2,7 +2,7 @@
 
 use crate::measured::Many;
 use fss_multibody::ModelError;
-use fss_plant::{JointCommand, Plant, Servo, Simulation};
+use fss_plant::{Effect, JointCommand, Plant, Servo, Simulation};
 
 /// A link goes on at a command's rate for this long, s.
 const MOVE_ON_S: f64 = 0.4;
@@ -41,7 +41,7 @@ impl CarriedOut {
 }
 
 /// What was commanded in a flight, and from where it began.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Commands {
     /// Base at the start, table frame: m, m, rad.
     pub pose: [f64; 3],
@@ -53,6 +53,8 @@ pub struct Commands {
     pub valves: Vec<(f64, Vec<bool>)>,
     /// When the flight ended, s.
     pub end_s: f64,
+    /// Effects that a plant which carries them out has beside its own: masses that were found.
+    pub beside: Vec<Effect>,
 }
 
 impl Commands {
@@ -72,7 +74,9 @@ impl Commands {
         every: usize,
         mut see: impl FnMut(&Simulation),
     ) -> Result<(), ModelError> {
-        let mut simulation = Simulation::new(plant, seed)?.in_steps_of(step_s);
+        let is_known = |e: &&Effect| plant.effects.iter().any(|own| own.id() == e.id() && own.index() == e.index());
+        let news: Vec<Effect> = self.beside.iter().filter(|e| !is_known(e)).cloned().collect();
+        let mut simulation = Simulation::new(&plant.with_effects(&news), seed)?.in_steps_of(step_s);
         simulation.set_state(self.pose, [0.0; 3], &self.q_rad, &[]);
         let (mut told, mut opened) = (vec![0; self.joints.len()], 0);
         for step in 0..=(self.end_s / step_s) as usize {

@@ -1,6 +1,7 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
 use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
+use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
 use crate::measured::Run;
@@ -169,7 +170,19 @@ pub fn diagnose(
     if contest.evidence.cells.is_empty() {
         return Ok(nothing_to_say(plant, remarks));
     }
-    let selection = selected(&mut contest, progress)?;
+    let mut selection = selected(&mut contest, progress)?;
+    let (runs_as_read, validation_as_read, moved) =
+        (runs, validation, masses_that_move(&selection.after.effects, runs));
+    let anew = match &moved {
+        Some(masses) => (carried_out(runs, plant, masses)?, carried_out(validation, plant, masses)?),
+        None => (Vec::new(), Vec::new()),
+    };
+    let (runs, validation) = if moved.is_some() { (&anew.0[..], &anew.1[..]) } else { (runs, validation) };
+    if moved.is_some() {
+        progress("moving the arm as these masses let it");
+        contest = Contest::new(plant, runs, windows)?;
+        selection = selected(&mut contest, progress)?;
+    }
     let (mut verdict, mut causes, mut suspects) = judge(&contest, &selection);
     let mut input_mismatch = Vec::new();
     if matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
@@ -208,8 +221,8 @@ pub fn diagnose(
         extended.effects.extend(asserted);
         extended
     };
-    let (before, after) = (misfit(&settled, runs)?, misfit(&extended, runs)?);
-    let (validation_before, validation_after) = (misfit(&settled, validation)?, misfit(&extended, validation)?);
+    let (before, after) = (misfit(&settled, runs_as_read)?, misfit(&extended, runs)?);
+    let (validation_before, validation_after) = (misfit(&settled, validation_as_read)?, misfit(&extended, validation)?);
     let judged = if validation_before.is_empty() { [&before, &after] } else { [&validation_before, &validation_after] };
     let gain = Gain { before: overall(judged[0]), after: overall(judged[1]) };
     let verdict = verdict.after_validation(gain);

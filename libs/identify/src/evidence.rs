@@ -96,7 +96,7 @@ impl Evidence {
                     |unknowns: &Vec<f64>| flight.residuals(cell.window, std::slice::from_ref(unknowns)).remove(0);
                 cell.moved(&spans[cell.window], &rows)
             };
-            Ok(before.iter().filter(|c| c.record == r).map(of).collect())
+            Ok(before.par_iter().filter(|c| c.record == r).map(of).collect())
         };
         let parts: Result<Vec<_>, _> = (0..self.records.len()).into_par_iter().map(of_record).collect();
         Ok(parts?.into_iter().flatten().collect())
@@ -114,7 +114,7 @@ impl Evidence {
                 let rows = flight.residuals(cell.window, std::slice::from_ref(&cell.unknowns)).remove(0);
                 cell.project(&spans[cell.window], &rows)
             };
-            Ok(cells.iter().filter(|c| c.record == r).map(of).collect())
+            Ok(cells.par_iter().filter(|c| c.record == r).map(of).collect())
         };
         let parts: Result<Vec<_>, _> = (0..self.records.len()).into_par_iter().map(of_record).collect();
         Ok(parts?.into_iter().flatten().collect())
@@ -124,7 +124,7 @@ impl Evidence {
 fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: usize) -> Result<Vec<Cell>, ModelError> {
     let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
         let flight = records[r].flight(trial)?;
-        let spans = records[r].spans().iter().enumerate();
+        let spans = records[r].spans().par_iter().enumerate();
         Ok(spans
             .filter_map(|(w, span)| {
                 let old = before.iter().find(|c| c.record == r && c.window == w);

@@ -20,6 +20,7 @@ mod floating;
 
 mod hypothesis;
 mod in_hand;
+mod in_motion;
 pub mod inputs;
 mod integrity;
 pub mod measured;

@@ -99,7 +99,7 @@ pub(crate) trait Record: Sync + Send {
 }
 
 /// A run under a trial.
-pub(crate) trait Flight {
+pub(crate) trait Flight: Sync {
     /// Measured less simulated in window `window`, for each of several values of the window's own unknowns.
     fn residuals(&self, window: usize, unknowns: &[Vec<f64>]) -> Vec<Vec<f64>>;
 }

@@ -223,11 +223,17 @@ impl std::fmt::Display for Effect {
         }
         for (i, (p, v)) in self.about().parameters.iter().zip(self.values()).enumerate() {
             let open = if i == 0 { " (" } else { ", " };
-            write!(f, "{open}{} {v}", p.name)?;
+            write!(f, "{open}{} {}", p.name, in_four_digits(*v))?;
         }
         if !self.about().parameters.is_empty() {
             write!(f, ")")?;
         }
-        self.onset_s.map_or(Ok(()), |onset| write!(f, " from {onset} s"))
+        self.onset_s.map_or(Ok(()), |onset| write!(f, " from {} s", in_four_digits(onset)))
     }
+}
+
+/// As many digits as a person reads: no measurement has more.
+fn in_four_digits(value: f64) -> f64 {
+    let shift = 10.0_f64.powi(3 - value.abs().max(f64::MIN_POSITIVE).log10().floor() as i32);
+    if shift.is_finite() { (value * shift).round() / shift } else { value }
 }

@@ -7,6 +7,9 @@ use std::collections::BTreeMap;
 /// RMS over noise beyond which a channel is shown as wrong.
 pub const FAR: f64 = 1.3;
 
+/// A cause at least this probable is decided.
+const DECIDED: f64 = 0.9;
+
 /// Prints it.
 pub fn print(diagnosis: &Diagnosis) {
     diagnosis.remarks.iter().for_each(|remark| say!("{remark}"));
@@ -15,6 +18,9 @@ pub fn print(diagnosis: &Diagnosis) {
     say!("\n{}", headline(diagnosis));
     for cause in &diagnosis.causes {
         print_cause(cause);
+    }
+    if diagnosis.causes.iter().any(|cause| cause.probability < DECIDED) {
+        say!("\nNot all is decided: fss next-experiment finds the maneuver that tells these causes apart best.");
     }
     if !diagnosis.suspects.is_empty() {
         say!("\nCame nearest, but is not asserted:");

@@ -132,7 +132,15 @@ mod tests {
     /// A step of the base that ended 3.5 ms after its boundary, 0.5 ms after its deadline.
     fn late(boundary_ns: u64) -> Late {
         let (from_ns, to_ns) = (boundary_ns - 100_000_000, boundary_ns + 100_000_000);
-        Late { service: "base".to_owned(), from_ns, to_ns, count: 1, boundary_ns, end_ns: 3_500_000, excess_ns: 500_000 }
+        Late {
+            service: "base".to_owned(),
+            from_ns,
+            to_ns,
+            count: 1,
+            boundary_ns,
+            end_ns: 3_500_000,
+            excess_ns: 500_000,
+        }
     }
 
     const PLACE: (Option<usize>, Option<u8>) = (Some(0), Some(80));

@@ -10,8 +10,9 @@ use fss_plant::Effect;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// Rounds of Gauss-Newton.
+/// Rounds of Gauss-Newton, and of a contestant of which nobody knows yet whether it is worth them.
 const ROUNDS: usize = 6;
+const ROUNDS_AT_FIRST: usize = 2;
 /// A step that gains less was the last: in the sum of squares, and as a share of it where motion is chaotic, for there a model
 /// is far from the noise and a round is dear.
 const LEAST_STEP: f64 = 0.5;
@@ -43,6 +44,8 @@ pub(crate) struct Refined {
     pub(crate) clear: Vec<Column>,
     /// What the nuisances would take of each column.
     pub(crate) by_column: DMatrix<f64>,
+    /// Whether more rounds would gain nothing.
+    pub(super) is_settled: bool,
 }
 
 impl Refined {
@@ -77,26 +80,46 @@ impl Contest {
             columns: Vec::new(),
             clear: Vec::new(),
             by_column: DMatrix::zeros(0, 0),
+            is_settled: true,
         })
     }
 
     /// Fits the parameters of `effects`, beginning at their values.
     pub(crate) fn refine(&self, hypotheses: &[usize], effects: &[Effect]) -> Result<Refined, ModelError> {
-        let mut now = self.walk(hypotheses, self.point(effects)?)?;
+        self.refine_from(self.walk(hypotheses, self.point(effects)?, 0)?, hypotheses, ROUNDS)
+    }
+
+    /// The same for as few rounds as tell whether the last of the causes is worth more; of soft drives, its own alone is looked for.
+    pub(super) fn refine_at_first(&self, hypotheses: &[usize], effects: &[Effect]) -> Result<Refined, ModelError> {
+        let last = hypotheses.len().saturating_sub(1);
+        let begun =
+            self.refine_from(self.walk(hypotheses, self.point(effects)?, last)?, hypotheses, ROUNDS_AT_FIRST)?;
+        let others_swing = (0..last).any(|i| self.swings(hypotheses[i], &begun.effects[i]));
+        Ok(Refined { is_settled: begun.is_settled && !others_swing, ..begun })
+    }
+
+    fn refine_from(&self, start: Point, hypotheses: &[usize], rounds: usize) -> Result<Refined, ModelError> {
+        let mut now = start;
+        let mut is_settled = false;
         let mut columns = self.columns_at(hypotheses, &now)?;
         let mut reduced = self.reduce(&now.residuals, &columns);
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
+            is_settled = true; // wherever this round ends before its own step counted
             let all: Vec<usize> = (0..columns.len()).collect();
             let fit = reduced.normal.fit(&all);
+            let least = self.least_step(reduced.normal.c);
+            if fit.gain < least {
+                break;
+            }
             let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c) else { break };
             let gain = reduced.normal.c - better;
             now = next;
             columns = self.columns_at(hypotheses, &now)?;
             reduced = self.reduce(&now.residuals, &columns);
-            let least = if self.is_chaotic() { LEAST_STEP_SHARE_IF_CHAOTIC * better } else { LEAST_STEP };
             if gain < least {
                 break;
             }
+            is_settled = false;
         }
         let all: Vec<usize> = (0..columns.len()).collect();
         let covariance = reduced.normal.fit(&all).covariance;
@@ -115,7 +138,13 @@ impl Contest {
             columns,
             clear,
             by_column: reduced.by_column,
+            is_settled,
         })
+    }
+
+    /// What a step must gain to be followed by another.
+    fn least_step(&self, chi2: f64) -> f64 {
+        if self.is_chaotic() { LEAST_STEP_SHARE_IF_CHAOTIC * chi2 } else { LEAST_STEP }
     }
 
     pub(super) fn point(&self, effects: &[Effect]) -> Result<Point, ModelError> {

@@ -1,6 +1,7 @@
 //! Which causes to take: forward by contest, checked on left-out runs, then backward.
 
 use super::screen::{Screened, likeness};
+use super::weigh::LATENCY_BESIDE_COMMANDS_S;
 use super::{Contest, Refined};
 use crate::tolerance::unsaid;
 use fss_multibody::ModelError;
@@ -13,6 +14,8 @@ pub(crate) const MOST_CAUSES: usize = 4;
 /// Contestants that are refitted with the real simulation, and those that look much like the best of them.
 const CONTESTANTS: usize = 8;
 const MOST_CONTESTANTS: usize = 14;
+/// A contestant that has gained this share of what the best has by then is worth fitting to the end.
+const WORTH_FITTING: f64 = 0.5;
 /// Of these at most so many of one kind at one place.
 const MOST_OF_A_KIND: usize = 2;
 /// The same where each refit is dear, because every window's motion must be fitted anew.
@@ -33,6 +36,10 @@ const LEAST_COMPLIANCE_RAD_N_M: f64 = 9e-4;
 /// Nor play narrower than this, rad: drives so soft that their links swing looked like 0.54 to 0.63 mrad of it in three blind
 /// games (781, 789 and 844), play of 1 mrad like 0.67 to 1.1 in nine.
 const LEAST_PLAY_RAD: f64 = 6.5e-4;
+/// Nor a kinematic error of fewer periods a turn than this: over what a joint sweeps it is an offset and a scale of its encoder.
+const FEWEST_CYCLES: f64 = 0.8;
+/// Nor, where a log tells what links were told, telemetry that is later by less than twice what latencies come out wrong by there.
+const LEAST_LATENCY_BESIDE_COMMANDS_S: f64 = 2.0 * LATENCY_BESIDE_COMMANDS_S;
 /// And the share of what is still unexplained.
 const LEAST_SHARE: f64 = 0.12;
 const LEAST_SHARE_OF_ONSET: f64 = 0.4;
@@ -103,7 +110,8 @@ impl Contest {
         }
         say("weighing the alternatives");
         let mut after = self.without_idle(after)?;
-        let mut others = self.all_rivals(&after, &rivals)?;
+        let mut without = self.without_each(&after)?;
+        let mut others = self.all_rivals(&after, &without, &rivals)?;
         // A cause taken early may have stood for one that fits better beside those taken later.
         for _ in 0..2 {
             let better = others.iter().flatten().min_by(|a, b| Self::cost(a).total_cmp(&Self::cost(b)));
@@ -111,13 +119,18 @@ impl Contest {
                 Some(better) => after = better.clone(),
                 None => break,
             }
-            others = self.all_rivals(&after, &[])?;
+            without = self.without_each(&after)?;
+            others = self.all_rivals(&after, &without, &[])?;
         }
+        let told = after.hypotheses.len();
         while let Some(vague) = self.vaguest(&after) {
             after = self.refine_without(&after, vague)?;
-            others = self.all_rivals(&after, &[])?;
         }
-        let taken = self.weigh(&after, &others)?;
+        if after.hypotheses.len() < told {
+            without = self.without_each(&after)?;
+            others = self.all_rivals(&after, &without, &[])?;
+        }
+        let taken = self.weigh(&after, &without, &others);
         Ok(Selection { before, after, taken, screened })
     }
 
@@ -150,28 +163,42 @@ impl Contest {
             let alike = near.iter().enumerate().filter(|(i, _)| cosines[(0, i + 1)] > ALIKE).map(|(_, s)| *s);
             chosen.extend(alike.take(most - contestants));
         }
-        let refit = |s: &&Screened| -> Result<Option<Refined>, ModelError> {
+        let begin = |s: &&Screened| -> Option<Refined> {
             let mut hypotheses = taken.hypotheses.clone();
             hypotheses.push(s.hypothesis);
             let mut effects = taken.effects.clone();
             effects.push(s.effect.clone());
             // A start that no plant can have is a contestant that loses.
-            let Ok(mut refined) = self.refine(&hypotheses, &effects) else { return Ok(None) };
-            if s.effect.onset_s().is_some() {
-                refined = self.refine_onset(&refined, effects.len() - 1)?;
-                // Far from where it was asked, a linear answer is often best from some time on; the real one need not be.
-                let last = effects.len() - 1;
-                let mut effects = refined.effects.clone();
-                effects[last] = self.hypotheses[s.hypothesis].with(effects[last].values());
-                let always = self.refine(&hypotheses, &effects).ok();
-                refined = always.filter(|a| Self::cost(a) < Self::cost(&refined)).unwrap_or(refined);
-            }
-            Ok(Some(refined))
+            self.refine_at_first(&hypotheses, &effects).ok()
         };
-        let all: Result<Vec<_>, _> = chosen.par_iter().map(refit).collect();
-        let mut all: Vec<Refined> = all?.into_iter().flatten().collect();
+        let begun: Vec<Refined> = chosen.par_iter().filter_map(begin).collect();
+        let mut all = self.fitted_to_the_end(begun, taken.chi2)?;
         all.sort_by(|a, b| Self::cost(a).total_cmp(&Self::cost(b)));
         Ok(all)
+    }
+
+    /// Contestants, those that may win fitted to the end; `chi2` is what is left without any.
+    fn fitted_to_the_end(&self, begun: Vec<Refined>, chi2: f64) -> Result<Vec<Refined>, ModelError> {
+        let most = begun.iter().map(|r| chi2 - r.chi2).fold(0.0, f64::max);
+        let end = |begun: Refined| -> Result<Refined, ModelError> {
+            let (last, is_onset) =
+                (begun.effects.len() - 1, begun.effects.last().is_some_and(|e| e.onset_s().is_some()));
+            // How much an onset gains hangs on when it is: each is timed.
+            if begun.is_settled && !is_onset || (!is_onset && chi2 - begun.chi2 < WORTH_FITTING * most) {
+                return Ok(begun);
+            }
+            let fitted = if begun.is_settled { begun } else { self.refine(&begun.hypotheses, &begun.effects)? };
+            if !is_onset {
+                return Ok(fitted);
+            }
+            let timed = self.refine_onset(&fitted, last)?;
+            // Far from where it was asked, a linear answer is often best from some time on; the real one need not be.
+            let mut effects = timed.effects.clone();
+            effects[last] = self.hypotheses[timed.hypotheses[last]].with(effects[last].values());
+            let always = self.refine(&timed.hypotheses, &effects).ok();
+            Ok(always.filter(|a| Self::cost(a) < Self::cost(&timed)).unwrap_or(timed))
+        };
+        begun.into_par_iter().map(end).collect()
     }
 
     /// Sum of squares and what each parameter costs: of two causes that fit alike, the one with fewer parameters.
@@ -212,7 +239,13 @@ impl Contest {
         if hypothesis.is_compliance() {
             return 1.0 / values[0] > (WORTH_SAYING * sds[0]).max(LEAST_COMPLIANCE_RAD_N_M);
         }
-        values.iter().zip(nominal).zip(&sds).any(|((v, n), sd)| (v - n).abs() > WORTH_SAYING * sd)
+        let is_too_slow = effect.id() == "drive_kinematic_error" && values[1] < FEWEST_CYCLES;
+        let is_too_short = effect.id() == "link_latency"
+            && self.tells_commands()
+            && (values[0] - nominal[0]).abs() < LEAST_LATENCY_BESIDE_COMMANDS_S;
+        !is_too_slow
+            && !is_too_short
+            && values.iter().zip(nominal).zip(&sds).any(|((v, n), sd)| (v - n).abs() > WORTH_SAYING * sd)
     }
 
     /// Whether a cause stands beside another one of its joint, and one of the two is a drive that is simulated. It is simulated
@@ -245,7 +278,7 @@ impl Contest {
         Ok(after)
     }
 
-    pub(super) fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
+    fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
         let keep = |i: &usize| *i != which;
         let hypotheses: Vec<usize> = (0..from.hypotheses.len()).filter(keep).map(|i| from.hypotheses[i]).collect();
         let effects: Vec<Effect> = (0..from.effects.len()).filter(keep).map(|i| from.effects[i].clone()).collect();
@@ -262,12 +295,21 @@ impl Contest {
         clearness.filter(|(_, clear)| *clear < LEAST_CLEARNESS).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
 
+    /// What is left without each cause taken, the others fitted anew.
+    fn without_each(&self, after: &Refined) -> Result<Vec<Refined>, ModelError> {
+        (0..after.hypotheses.len()).into_par_iter().map(|i| self.refine_without(after, i)).collect()
+    }
+
     /// The rivals of each cause taken.
-    fn all_rivals(&self, after: &Refined, contests: &[Vec<Refined>]) -> Result<Vec<Vec<Refined>>, ModelError> {
+    fn all_rivals(
+        &self,
+        after: &Refined,
+        without: &[Refined],
+        contests: &[Vec<Refined>],
+    ) -> Result<Vec<Vec<Refined>>, ModelError> {
         (0..after.hypotheses.len())
             .map(|i| {
-                let without = self.refine_without(after, i)?;
-                let mut rivals = self.rivals_of(after, i, &without, contests)?;
+                let mut rivals = self.rivals_of(after, i, &without[i], contests)?;
                 rivals.retain(|r| {
                     let effect = &r.effects[i];
                     self.is_worth_saying(r.hypotheses[i], effect)
@@ -331,11 +373,16 @@ fn is_wide(effect: &Effect) -> bool {
     effect.id() != "joint_backlash" || effect.values()[0] > LEAST_PLAY_RAD
 }
 
-/// Whether a cause is one that only a motor's current shows, of a joint that has play. While its teeth are apart a motor turns
-/// alone, and its current tells nothing of what the link gets: it looks like a motor without torque, or without friction.
+/// Whether a cause is one that only a motor's current or torque shows, of a joint that has play. While its teeth are apart a motor
+/// turns alone, and neither tells anything of what the link gets: it looks like a motor without torque, or without friction.
 fn is_behind_play(effects: &[Effect], which: usize) -> bool {
-    const BY_CURRENT: [&str; 4] =
-        ["torque_constant", "joint_coulomb_friction", "joint_viscous_friction", "joint_stribeck_friction"];
+    const BY_CURRENT: [&str; 5] = [
+        "torque_constant",
+        "torque_sensor",
+        "joint_coulomb_friction",
+        "joint_viscous_friction",
+        "joint_stribeck_friction",
+    ];
     let own = &effects[which];
     let has_play = |other: &Effect| other.id() == "joint_backlash" && other.index() == own.index();
     BY_CURRENT.contains(&own.id()) && effects.iter().any(has_play)

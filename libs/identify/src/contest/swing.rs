@@ -67,10 +67,11 @@ impl Contest {
         self.is_simulated(hypothesis, effect) && self.hypotheses.iter().any(Hypothesis::is_swing)
     }
 
-    /// Drives whose links swing, moved to the best of the stiffnesses nearby at which they are simulated.
-    pub(super) fn walk(&self, hypotheses: &[usize], start: Point) -> Result<Point, ModelError> {
+    /// Drives whose links swing, of the causes from `first` on, moved to the best of the stiffnesses nearby at which they are
+    /// simulated.
+    pub(super) fn walk(&self, hypotheses: &[usize], start: Point, first: usize) -> Result<Point, ModelError> {
         let mut now = start;
-        for which in 0..hypotheses.len() {
+        for which in first..hypotheses.len() {
             if !self.swings(hypotheses[which], &now.effects[which]) {
                 continue;
             }

@@ -4,7 +4,6 @@ use super::select::{Alternative, Taken, unit};
 use super::{Contest, Refined};
 use crate::normal::Normal;
 use crate::tolerance::unsaid;
-use fss_multibody::ModelError;
 use nalgebra::DVector;
 use std::collections::BTreeSet;
 
@@ -27,11 +26,11 @@ const STROKE_SHARE: f64 = 0.2;
 const SWING_SHARE: f64 = 0.03;
 /// Where a log tells what links were told, their fast motion follows that, and a latency of telemetry moves the slow one alone. When
 /// commands arrive (2 to 8 ms over the radio) then counts many times: in 20 blind games latencies came out 1.5 ms off.
-const LATENCY_BESIDE_COMMANDS_S: f64 = 1.5e-3;
+pub(super) const LATENCY_BESIDE_COMMANDS_S: f64 = 1.5e-3;
 
 impl Contest {
     /// Each taken cause with its standard deviations, its rivals and its probability among them.
-    pub(super) fn weigh(&self, after: &Refined, rivals: &[Vec<Refined>]) -> Result<Vec<Taken>, ModelError> {
+    pub(super) fn weigh(&self, after: &Refined, without: &[Refined], rivals: &[Vec<Refined>]) -> Vec<Taken> {
         let spread = self.spread(after);
         let clearness = self.clearness(after);
         let mut taken = Vec::new();
@@ -50,7 +49,6 @@ impl Contest {
             if effect.id() == "link_latency" && self.tells_commands() {
                 std[0] = std[0].hypot(LATENCY_BESIDE_COMMANDS_S);
             }
-            let without = self.refine_without(after, i)?;
             let scale = 2.0 * TEMPER * unit(after).max(1.0);
             let weight = |r: &Refined| (-(Self::cost(r) - Self::cost(after)) / scale).exp();
             // At another shape it is the same cause, and as much more probable.
@@ -74,13 +72,13 @@ impl Contest {
                 effect: effect.clone(),
                 std,
                 probability: (is_there(clearness[i]) * here / total).min(SUREST),
-                gain: (without.chi2 - after.chi2) / unit(after),
+                gain: (without[i].chi2 - after.chi2) / unit(after),
                 kept: self.kept(after, i),
                 alternatives,
             });
         }
         taken.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        Ok(taken)
+        taken
     }
 
     /// How many of its standard deviations each cause is away from nothing, in its clearest parameter. What goes without saying
