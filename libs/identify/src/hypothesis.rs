@@ -93,6 +93,8 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
     let joints = any(&|r| r.joints.is_some());
     let current = any(&|r| r.joints.as_ref().is_some_and(|j| !j.current_a.is_empty()));
     let torque = any(&|r| r.joints.as_ref().is_some_and(|j| !j.torque_nm.is_empty()));
+    // A joint at rest is held by friction, of whatever size up to its most: what its motor gives then goes nowhere.
+    let moves = effect.index().is_none_or(|joint| runs.iter().any(|run| run.moves(joint)));
     let mocap = any(&|r| r.base_pose.is_some());
     let gyro = any(&|r| r.gyro.is_some());
     let floats = !plant.base.clamped;
@@ -112,11 +114,12 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
         }
         "gyro_bias" | "gyro_scale" => gyro && mocap,
         "mocap_latency" | "marker_offset" | "marker_yaw" | "mocap_rotation" => mocap,
-        "torque_constant" => current,
+        "torque_constant" => current && moves,
         "joint_coulomb_friction" | "joint_viscous_friction" | "joint_stribeck_friction" => {
-            current || (plant.base.clamped && joints)
+            moves && (current || (plant.base.clamped && joints))
         }
-        "torque_sensor" => torque,
+        "torque_sensor" => torque && moves,
+        "joint_spring" => joints && moves,
         // An arm that is simulated from its current would need its rotors' state too.
         "joint_flexibility" | "joint_backlash" | "drive_kinematic_error" if !floats => false,
         "payload" | "link_mass" | "link_com" | "link_inertia" => joints,

@@ -62,6 +62,7 @@ pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
         }
     }
     if plant.link_count() > 0 {
+        out.remarks.extend(joints_at_rest(&out.runs, plant.link_count()));
         out.remarks.extend([true, false].into_iter().filter_map(|commanded| without_telemetry(&out.runs, commanded)));
     }
     let sensors = &mut out.plant.sensors;
@@ -81,6 +82,20 @@ pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
     let gyro = out.runs.iter().filter_map(|run| run.gyro.as_ref());
     noise("gyro (rad/s)", &mut sensors.gyro_rad_s, quietest(gyro.filter_map(|gyro| noise_of(&gyro.values))));
     out
+}
+
+/// Joints of which these runs cannot tell what is wrong with their motors.
+fn joints_at_rest(runs: &[Run], joints: usize) -> Option<String> {
+    let is_driven = runs.iter().filter_map(|run| run.joints.as_ref()).any(|j| !j.current_a.is_empty());
+    let at_rest = (1..=joints).filter(|joint| !runs.iter().any(|run| run.moves(*joint)));
+    let names: Vec<String> = at_rest.map(|joint| joint.to_string()).collect();
+    (is_driven && !names.is_empty()).then(|| {
+        format!(
+            "joints that hardly move in any run: {}. What is wrong with a motor, a spring, a torque sensor or the friction there \
+             is not asked: friction holds what it is given. A run that moves them would tell",
+            names.join(", ")
+        )
+    })
 }
 
 /// What runs without telemetry of the arm are taken for.

@@ -36,7 +36,17 @@ const AT_REST_RAD: f64 = 1e-3;
 /// In so long every joint reports, and a window's margin passes, s.
 const ALL_REPORT_S: f64 = 0.5;
 
+/// A joint that keeps within so much, rad, rests: a servo that holds it against the base's motion moves it less.
+const RESTS_WITHIN_RAD: f64 = 0.05;
+
 impl Run {
+    /// Whether a joint, counted from 1, moves in this run, or may without anybody telling.
+    pub(crate) fn moves(&self, joint: usize) -> bool {
+        let Some(q_rad) = self.joints.as_ref().and_then(|joints| joints.q_rad.get(joint - 1)) else { return true };
+        let known = || q_rad.iter().copied().filter(|q| q.is_finite());
+        known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min) > RESTS_WITHIN_RAD
+    }
+
     /// Whether the arm's motion between two times is known: its telemetry tells it, or it was told to rest. A drive follows
     /// its command to hundredths of a radian only, which is far more than the base's sensors notice.
     pub(crate) fn arm_is_known(&self, from_s: f64, to_s: f64) -> bool {

@@ -183,8 +183,9 @@ impl Contest {
         let end = |begun: Refined| -> Result<Refined, ModelError> {
             let (last, is_onset) =
                 (begun.effects.len() - 1, begun.effects.last().is_some_and(|e| e.onset_s().is_some()));
+            let is_behind = chi2 - begun.chi2 < WORTH_FITTING * most;
             // How much an onset gains hangs on when it is: each is timed.
-            if begun.is_settled && !is_onset || (!is_onset && chi2 - begun.chi2 < WORTH_FITTING * most) {
+            if !is_onset && (begun.is_settled || is_behind) {
                 return Ok(begun);
             }
             let fitted = if begun.is_settled { begun } else { self.refine(&begun.hypotheses, &begun.effects)? };

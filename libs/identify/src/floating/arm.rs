@@ -196,7 +196,7 @@ mod tests {
     fn a_motor_is_where_the_kinematic_error_of_its_links_angle_puts_it() -> Result<(), Box<dyn std::error::Error>> {
         let plant = Plant::parse(include_str!("../../../../deploy/etc/plants/fss.toml"))?;
         let error = Effect::new("drive_kinematic_error")?.at(2).with(&[0.004, 8.0]);
-        let physics = Trial::of(&plant).with(&error).rollout()?.physics(0.0).joints[1].clone();
+        let physics = Trial::of(&plant).with(&error).rollout()?.physics(0.0).joints[1];
         for motor_rad in [-1.0, 0.0, 0.1, 0.7] {
             let link_rad = motor_rad + kinematic_lead(&physics, motor_rad);
             let back_rad = link_rad - 0.004 * (8.0 * link_rad).sin();
