@@ -163,6 +163,16 @@ fn a_heavier_base_alone_is_named_where_the_arm_moves_as_that_lets_it() {
     assert!((inertia_kg_m2 / 0.5 - 1.0).abs() < 0.02, "{inertia_kg_m2} kg m2");
 }
 
+/// Friction holds the joint, whatever its motor gives: once that was called a motor without torque, at 99 %.
+#[test]
+fn of_a_joint_that_rests_nothing_is_said_of_its_motor() {
+    let flown = Flown::with("id = \"joint_coulomb_friction\"\nindex = 2\ntorque_N_m = 0.85", &["coast"]);
+    let answer = flown.diagnosed("plant.toml", "out");
+    assert_eq!(answer["causes"].as_array().unwrap().len(), 0, "{answer}");
+    let remarks = answer["remarks"].to_string();
+    assert!(remarks.contains("joints that hardly move in any run: 1, 2, 3, 4"), "{remarks}");
+}
+
 #[test]
 fn a_file_that_is_no_log_of_a_run_is_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,6 +3,7 @@
 
 mod noise;
 mod refine;
+mod rules;
 mod screen;
 mod select;
 mod settle;

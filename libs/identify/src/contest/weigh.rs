@@ -1,6 +1,7 @@
 //! How sure the data are of what was taken: standard deviations, probabilities among rivals, and what left-out runs keep.
 
-use super::select::{Alternative, Taken, unit};
+use super::rules::unit;
+use super::select::{Alternative, Taken};
 use super::{Contest, Refined};
 use crate::normal::Normal;
 use crate::tolerance::unsaid;
