@@ -158,7 +158,9 @@ impl Contest {
             if !is_onset && (begun.is_settled || is_behind) {
                 return Ok(begun);
             }
-            let fitted = if begun.is_settled { begun } else { self.refine(&begun.hypotheses, &begun.effects)? };
+            // A step to where no plant is leaves it where it was.
+            let end = if begun.is_settled { None } else { self.refine(&begun.hypotheses, &begun.effects).ok() };
+            let fitted = end.unwrap_or(begun);
             if !is_onset {
                 return Ok(fitted);
             }

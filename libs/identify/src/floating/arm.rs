@@ -16,8 +16,8 @@ use nalgebra::Vector3;
 /// Share of its speed with which a link comes back from the motor's teeth. Chosen among 0 to 0.5 as what predicted the validation
 /// runs of two blind games best (seeds 164 and 179 of `fss challenge`); single strokes there came back with 0 to 0.9.
 const RESTITUTION: f64 = 0.1;
-/// Each round leaves less than a tenth of what the one before did: errors turn a link by milliradians in a turn's tenths.
-const LEAD_ROUNDS: usize = 4;
+/// Each round leaves a fifth of what the one before did, where an error has 30 mrad and six periods a turn.
+const LEAD_ROUNDS: usize = 8;
 
 /// The joints on a grid.
 #[derive(Clone, Debug)]
