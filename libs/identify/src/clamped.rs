@@ -55,7 +55,7 @@ impl Clamped {
 
 /// How fast the square of each joint's rate wanders off where its drive is known by noisy currents, rad^2/s^3: they are what
 /// the simulation is driven by.
-fn wander(plant: &Plant, drive: Drive, joints: &Joints, window: &Range<usize>) -> Vec<f64> {
+pub(crate) fn wander(plant: &Plant, drive: Drive, joints: &Joints, window: &Range<usize>) -> Vec<f64> {
     let links = plant.link_count();
     let still = vec![0.0; links];
     let (Ok(model), false) = (plant.model(), drive == Drive::Free || joints.current_a.is_empty()) else { return still };

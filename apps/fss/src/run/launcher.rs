@@ -22,8 +22,9 @@ use std::time::{Duration, Instant};
 const NICE: i32 = -10;
 /// How often the launcher looks after its children.
 const WATCH_PERIOD: Duration = Duration::from_millis(5);
-/// A service that ends within this time of its first start could not start: the run is given up, with its reason.
-const START_TIME: Duration = Duration::from_millis(1500);
+/// A service that ends by itself so often before its first sign of life cannot start: the run is given up, with its reason.
+/// Once is not enough: a host that stands still for a second can part any two processes that make a topic together.
+const START_TRIES: u32 = 2;
 /// First pause before a restart; it doubles with each restart of the same service.
 const FIRST_PAUSE: Duration = Duration::from_millis(10);
 /// Longest pause before a restart.
@@ -33,7 +34,7 @@ const STILLBORN: Duration = Duration::from_millis(500);
 /// So many starts in a row that did not work, of a service that the flight needs, end it in safe mode.
 const STILLBORN_LIMIT: u32 = 8;
 /// How long a service may take to give its first sign of life.
-const BIRTH_TIME: Duration = Duration::from_secs(5);
+pub(super) const BIRTH_TIME: Duration = Duration::from_secs(5);
 /// A launcher that was itself held up for so long cannot tell who else was.
 const OWN_STALL: Duration = Duration::from_millis(150);
 /// How long safe mode is recorded before the run ends.
@@ -83,6 +84,8 @@ struct Member {
     pause: Duration,
     /// Its last sign of life since its last start.
     heard: Option<Instant>,
+    /// Whether it ever gave one.
+    has_lived: bool,
     /// Starts in a row that did not work.
     stillborn: u32,
 }
@@ -220,6 +223,7 @@ impl<'a> Supervisor<'a> {
             let name = member.schedule.name.get_ref();
             let is_its_own = |health: &&Health| health.starts == member.starts && text_of(&health.service) == name;
             let heard = self.health.samples().iter().any(|health| is_its_own(&health));
+            member.has_lived |= heard;
             if heard || (stalled && member.heard.is_some()) {
                 member.heard = Some(now);
             }
@@ -277,10 +281,11 @@ impl<'a> Supervisor<'a> {
         let member = &mut self.members[i];
         let name = member.schedule.name.get_ref().clone();
         let said = std::mem::take(&mut *member.said.lock().unwrap_or_else(PoisonError::into_inner));
-        if member.starts == 1 && name != BRIDGE && status.signal().is_none() && member.started.elapsed() < START_TIME {
+        let could_not_start = !member.has_lived && name != BRIDGE && status.signal().is_none();
+        if could_not_start && member.starts >= START_TRIES {
             return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' could not start")));
         }
-        if !member.schedule.restart {
+        if !member.schedule.restart && !could_not_start {
             return Err(miette!("{}", said.trim_end()).wrap_err(format!("service '{name}' ended ({status})")));
         }
         let worked = member.started.elapsed() >= STILLBORN;
@@ -296,6 +301,10 @@ impl<'a> Supervisor<'a> {
         let pause_ms = member.pause.as_millis();
         member.pause = (2 * member.pause).min(LONGEST_PAUSE);
         self.say(Event::ERROR, format_args!("{name} ended ({status}), restart in {pause_ms} ms"));
+        if could_not_start {
+            let reason = said.trim_end();
+            self.say(Event::ERROR, format_args!("{name} could not start: {reason}"));
+        }
         Ok(())
     }
 
@@ -330,6 +339,7 @@ impl Member {
             restart_at: None,
             pause: FIRST_PAUSE,
             heard: None,
+            has_lived: false,
             stillborn: 0,
         }
     }

@@ -1,7 +1,7 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
 use super::SiteArgs;
-use super::launcher::STOP_TIME;
+use super::launcher::{BIRTH_TIME, STOP_TIME};
 use super::stack::Stack;
 use super::{LOG_FILE, stop_on_signal};
 use crossbeam::queue::ArrayQueue;
@@ -34,7 +34,7 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// What every process of a stack has.
 struct Site {
@@ -355,16 +355,21 @@ fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
+/// How long a device may be on its way: where the host is busy, the laboratory that makes it starts late. Less than what a
+/// launcher waits for a sign of life, so that it hears the reason.
+const DEVICE_PATIENCE: Duration = Duration::from_secs(4);
+const _: () = assert!(DEVICE_PATIENCE.as_millis() < BIRTH_TIME.as_millis());
+
 /// Opens a device that another process of the stack may be about to make.
 fn wait_for_device<T>(path: &Path, mut open: impl FnMut() -> Result<T>) -> Result<T> {
-    let tries = 50;
-    for _ in 1..tries {
+    let asked = Instant::now();
+    while asked.elapsed() < DEVICE_PATIENCE {
         if path.exists()
             && let Ok(device) = open()
         {
             return Ok(device);
         }
-        std::thread::sleep(std::time::Duration::from_millis(20));
+        std::thread::sleep(Duration::from_millis(20));
     }
     open()
 }

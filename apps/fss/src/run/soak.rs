@@ -212,7 +212,7 @@ impl Flight {
             let found = tormentor.join().map_err(|_| miette!("the soak's witness failed"))??;
             match flown {
                 Ok(flown) => soak.restarts += flown.restarts,
-                Err(e) => soak.ended_early.push(format!("flight {}: {e}", soak.flights)),
+                Err(e) => soak.ended_early.push(format!("flight {}: {e:#}", soak.flights)),
             }
             for late in &found.seen.late {
                 let schedule = stack.launch.schedule(&late.service);
