@@ -1,12 +1,13 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
-use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
+use crate::contest::{Contest, Refined, Selection};
 use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
 use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
 use crate::prediction::predictive;
+use crate::search::{mean_square, selected};
 use crate::unexplained::{Unexplained, describe};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Place, Plant};
@@ -19,7 +20,7 @@ const CONSISTENT_CHANNEL: f64 = 1.6;
 /// Mean square beyond which something is left that no cause explains.
 pub(crate) const ALL_EXPLAINED: f64 = 1.5;
 /// Mean square beyond which names are given only to what explains most of the misfit.
-const DOUBTFUL: f64 = 2.0;
+pub(crate) const DOUBTFUL: f64 = 2.0;
 /// Share of the misfit that causes must explain then.
 const MOST: f64 = 0.7;
 /// A cause is asserted from even chances on that it, or another in its place, is there.
@@ -170,7 +171,7 @@ pub fn diagnose(
     if contest.evidence.cells.is_empty() {
         return Ok(nothing_to_say(plant, remarks));
     }
-    let mut selection = selected(&mut contest, progress)?;
+    let mut selection = selected(&mut contest, plant, runs, progress)?;
     let (runs_as_read, validation_as_read, moved) =
         (runs, validation, masses_that_move(&selection.after.effects, runs));
     let anew = match &moved {
@@ -181,7 +182,7 @@ pub fn diagnose(
     if moved.is_some() {
         progress("moving the arm as these masses let it");
         contest = Contest::new(plant, runs, windows)?;
-        selection = selected(&mut contest, progress)?;
+        selection = selected(&mut contest, plant, runs, progress)?;
     }
     let (mut verdict, mut causes, mut suspects) = judge(&contest, &selection);
     let mut input_mismatch = Vec::new();
@@ -260,20 +261,6 @@ pub fn diagnose(
     })
 }
 
-/// The causes that the data insist on.
-fn selected(contest: &mut Contest, progress: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
-    // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
-    let first = if contest.trial.plant.base.clamped { 1 } else { MOST_CAUSES };
-    let selection = contest.select(first, progress)?;
-    let unit = mean_square(&selection.after);
-    // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
-    if unit <= DOUBTFUL {
-        return Ok(selection);
-    }
-    contest.set_unit(unit);
-    contest.select(MOST_CAUSES, progress)
-}
-
 /// How far runs are from a plant, channel by channel.
 fn misfit(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
     let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
@@ -306,10 +293,6 @@ fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
         settled: Vec::new(),
         extended: plant.clone(),
     }
-}
-
-fn mean_square(refined: &Refined) -> f64 {
-    refined.chi2 / refined.freedom.max(1.0)
 }
 
 /// Verdict, asserted causes, suspects.

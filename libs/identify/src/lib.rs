@@ -27,6 +27,7 @@ pub mod measured;
 pub mod misfit;
 mod normal;
 mod prediction;
+mod search;
 mod sensitivity;
 pub mod smoother;
 pub mod straight_path;

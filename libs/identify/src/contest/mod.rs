@@ -154,6 +154,11 @@ impl Contest {
         self.evidence.records.iter().any(|r| r.is_chaotic())
     }
 
+    /// Whether uncertain values were moved to where they fit, before anything was asked.
+    pub(crate) fn settles(&self) -> bool {
+        self.is_chaotic() && !self.uncertain.is_empty()
+    }
+
     /// Number of columns in the screen.
     fn width(&self) -> usize {
         self.order.width

@@ -59,7 +59,7 @@ impl Refined {
 /// Effects, and what they leave.
 pub(super) struct Point {
     pub(super) effects: Vec<Effect>,
-    cells: Vec<Cell>,
+    pub(super) cells: Vec<Cell>,
     pub(super) residuals: Vec<DVector<f64>>,
 }
 
@@ -164,25 +164,7 @@ impl Contest {
     fn step(&self, hypotheses: &[usize], now: &Point, fit: &Fit, chi2: f64) -> Option<(Point, f64)> {
         let mut length = 1.0;
         for _ in 0..4 {
-            let mut at = 0;
-            let mut effects = Vec::with_capacity(now.effects.len());
-            for (h, effect) in hypotheses.iter().zip(&now.effects) {
-                let hypothesis = &self.hypotheses[*h];
-                let count = parameters(hypothesis.is_discrete, effect);
-                let values: Vec<f64> = (0..count)
-                    .map(|i| {
-                        let (v, by) = (effect.values()[i], length * fit.value[at + i]);
-                        // A stiffness is fitted by its inverse.
-                        if hypothesis.is_compliance() { 1.0 / (1.0 / v + by).max(1e-6) } else { v + by }
-                    })
-                    .collect();
-                at += count;
-                let moved = hypothesis.with(&values);
-                effects.push(match effect.onset_s() {
-                    Some(onset_s) => moved.from_onset(onset_s),
-                    None => moved,
-                });
-            }
+            let effects = self.moved_by(hypotheses, &now.effects, &(length * &fit.value));
             if let Ok(next) = self.point(&effects) {
                 let better = self.reduce(&next.residuals, &[]).normal.c;
                 if better < chi2 {
@@ -194,8 +176,28 @@ impl Contest {
         None
     }
 
+    /// Effects whose fitted parameters have moved by so much, one after the other.
+    pub(super) fn moved_by(&self, hypotheses: &[usize], effects: &[Effect], step: &DVector<f64>) -> Vec<Effect> {
+        let mut steps = step.iter();
+        let moved = |(h, effect): (&usize, &Effect)| {
+            let hypothesis = &self.hypotheses[*h];
+            let count = parameters(hypothesis.is_discrete, effect);
+            let with = |(v, by): (&f64, &f64)| {
+                // A stiffness is fitted by its inverse.
+                if hypothesis.is_compliance() { 1.0 / (1.0 / v + by).max(1e-6) } else { v + by }
+            };
+            let values: Vec<f64> = effect.values()[..count].iter().zip(steps.by_ref()).map(with).collect();
+            let moved = hypothesis.with(&values);
+            match effect.onset_s() {
+                Some(onset_s) => moved.from_onset(onset_s),
+                None => moved,
+            }
+        };
+        hypotheses.iter().zip(effects).map(moved).collect()
+    }
+
     /// Columns of every parameter at the effects' values.
-    fn columns_at(&self, hypotheses: &[usize], at: &Point) -> Result<Vec<Column>, ModelError> {
+    pub(super) fn columns_at(&self, hypotheses: &[usize], at: &Point) -> Result<Vec<Column>, ModelError> {
         let mut columns = Vec::new();
         for (k, (h, effect)) in hypotheses.iter().zip(&at.effects).enumerate() {
             let hypothesis = &self.hypotheses[*h];

@@ -58,11 +58,28 @@ pub(crate) struct Selection {
 impl Contest {
     /// Takes causes as long as the data insist, at most so many.
     pub(crate) fn select(&mut self, most: usize, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
+        self.select_beside(&[], &[], most, say)
+    }
+
+    /// The same where these were taken already.
+    pub(crate) fn select_beside(
+        &mut self,
+        hypotheses: &[usize],
+        effects: &[Effect],
+        most: usize,
+        say: &(dyn Fn(&str) + Sync),
+    ) -> Result<Selection, ModelError> {
         let before = self.nothing()?;
-        let mut centre = before.clone();
         let mut after = before.clone();
-        let mut rivals: Vec<Vec<Refined>> = Vec::new();
         let mut screened = Vec::new();
+        if !hypotheses.is_empty() {
+            screened = self.screen(&before.residuals, &[]);
+            let all: Vec<usize> = (0..self.hypotheses.len()).collect();
+            self.centre(effects, &all)?;
+            after = self.refine(hypotheses, effects)?;
+        }
+        let mut centre = after.clone();
+        let mut rivals: Vec<Vec<Refined>> = Vec::new();
         while after.hypotheses.len() < most {
             say(&format!("contest for cause {}", after.hypotheses.len() + 1));
             let screen = self.screen(&after.residuals, &after.hypotheses);

@@ -1,0 +1,81 @@
+//! The causes that the data insist on, with uncertain values where these causes leave them.
+
+use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
+use crate::diagnosis::DOUBTFUL;
+use crate::measured::Run;
+use fss_multibody::ModelError;
+use fss_plant::Plant;
+
+/// How often uncertain values are settled anew beside the causes found, where their influence is far from linear.
+const SETTLED_ANEW: usize = 2;
+/// What is left of the mean square where settling anew was worth another round.
+const MUCH_BETTER: f64 = 0.9;
+
+/// What is left, in units of what noise leaves.
+pub(crate) fn mean_square(refined: &Refined) -> f64 {
+    refined.chi2 / refined.freedom.max(1.0)
+}
+
+/// The causes that the data insist on. `file` is the plant as it was given.
+pub(crate) fn selected(
+    contest: &mut Contest,
+    file: &Plant,
+    runs: &[Run],
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Selection, ModelError> {
+    let search = Search { file, runs, progress };
+    // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
+    let first = if contest.trial.plant.base.clamped { 1 } else { MOST_CAUSES };
+    let mut selection = contest.select(first, progress)?;
+    if contest.settles() {
+        selection = search.settled(contest, selection, first)?;
+    }
+    let mut unit = mean_square(&selection.after);
+    // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
+    while unit > DOUBTFUL {
+        contest.set_unit(unit);
+        selection = contest.select(MOST_CAUSES, progress)?;
+        if !contest.settles() {
+            break;
+        }
+        selection = search.settled(contest, selection, MOST_CAUSES)?;
+        let left = mean_square(&selection.after);
+        if left > MUCH_BETTER * unit {
+            break;
+        }
+        unit = left;
+        if unit <= DOUBTFUL {
+            contest.set_unit(1.0);
+            selection = search.settled(contest, selection, MOST_CAUSES)?;
+        }
+    }
+    Ok(selection)
+}
+
+struct Search<'a> {
+    file: &'a Plant,
+    runs: &'a [Run],
+    progress: &'a (dyn Fn(&str) + Sync),
+}
+
+impl Search<'_> {
+    /// The selection once uncertain values have given back what they took up of its causes, as often as that changes it.
+    fn settled(&self, contest: &mut Contest, begun: Selection, most: usize) -> Result<Selection, ModelError> {
+        let mut selection = begun;
+        for _ in 0..SETTLED_ANEW {
+            let Refined { hypotheses, effects, .. } = &selection.after;
+            if hypotheses.is_empty() {
+                break;
+            }
+            (self.progress)("settling uncertain values beside these causes");
+            let effects = contest.settle_anew(hypotheses, effects, self.file, self.runs)?;
+            let again = contest.select_beside(hypotheses, &effects, most, self.progress)?;
+            let is_the_same = again.after.hypotheses == *hypotheses;
+            selection = again;
+            if is_the_same {
+                break;
+            }
+        }
+        Ok(selection)
+    }
+}
