@@ -24,7 +24,7 @@ pub(super) fn misfit(plant: &Plant, run: &Run, window_s: f64) -> Result<Vec<Chan
     while start + 1 < joints.t_s.len() {
         let end = joints.t_s.partition_point(|t| *t - joints.t_s[start] < window_s).min(joints.t_s.len() - 1);
         let window = start..end.max(start + 1);
-        Window { plant, run, joints, window: window.clone(), simulation: &simulation }.gather(&mut gathered);
+        Window { plant, run, joints, samples: window.clone(), simulation: &simulation }.gather(&mut gathered);
         start = window.end;
     }
     let name = |i: usize| if i < n { format!("q{}", i + 1) } else { format!("qd{}", i - n + 1) };
@@ -37,7 +37,7 @@ struct Window<'a> {
     plant: &'a Plant,
     run: &'a Run,
     joints: &'a Joints,
-    window: Range<usize>,
+    samples: Range<usize>,
     simulation: &'a Simulation,
 }
 
@@ -47,7 +47,7 @@ impl Window<'_> {
         let (n, joints) = (gathered.len() / 2, self.joints);
         let sd = [self.plant.sensors.encoder_rad, self.plant.sensors.encoder_rate_rad_s];
         let measured = |i: usize, k: usize| if i < n { joints.q_rad[i][k] } else { joints.qd_rad_s[i - n][k] };
-        let state: Vec<f64> = (0..2 * n).map(|i| measured(i, self.window.start)).collect();
+        let state: Vec<f64> = (0..2 * n).map(|i| measured(i, self.samples.start)).collect();
         let simulated = self.from(&state);
         let off = |i: usize| {
             let mut off = state.clone();
@@ -55,9 +55,9 @@ impl Window<'_> {
             self.from(&off)
         };
         let carried: Vec<Vec<Vec<f64>>> = (0..2 * n).filter(|i| sd[i / n] > 0.0).map(off).collect();
-        let wander = wander(self.plant, self.run.drive, joints, &(self.window.start..self.window.end + 1));
-        for (row, k) in (self.window.start + 1..=self.window.end).enumerate() {
-            let since_s = joints.t_s[k] - joints.t_s[self.window.start];
+        let wander = wander(self.plant, self.run.drive, joints, &(self.samples.start..self.samples.end + 1));
+        for (row, k) in (self.samples.start + 1..=self.samples.end).enumerate() {
+            let since_s = joints.t_s[k] - joints.t_s[self.samples.start];
             for (i, channel) in gathered.iter_mut().enumerate() {
                 let of_state: f64 = carried.iter().map(|c| (c[row][i] - simulated[row][i]).powi(2)).sum();
                 let of_drive = wander[i % n] * if i < n { since_s.powi(3) / 3.0 } else { since_s };
@@ -71,13 +71,13 @@ impl Window<'_> {
     fn from(&self, state: &[f64]) -> Vec<Vec<f64>> {
         let n = state.len() / 2;
         let mut simulation = self.simulation.clone();
-        simulation.begin_at(self.joints.t_s[self.window.start]);
+        simulation.begin_at(self.joints.t_s[self.samples.start]);
         simulation.set_state([0.0; 3], [0.0; 3], &state[..n], &state[n..]);
         let step = |k: usize| {
             drive(&mut simulation, self.run.drive, self.joints, k);
             simulation.step(self.joints.t_s[k + 1] - self.joints.t_s[k]);
             (0..n).map(|i| simulation.joint(i).0).chain((0..n).map(|i| simulation.joint(i).1)).collect()
         };
-        self.window.clone().map(step).collect()
+        self.samples.clone().map(step).collect()
     }
 }
