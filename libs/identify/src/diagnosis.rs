@@ -1,6 +1,7 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
 use crate::contest::{Contest, Refined, Selection};
+use crate::evidence::Evidence;
 use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
@@ -8,6 +9,7 @@ use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
 use crate::prediction::predictive;
 use crate::search::{mean_square, selected};
+use crate::trial::Trial;
 use crate::unexplained::{Unexplained, describe};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Place, Plant};
@@ -57,10 +59,10 @@ impl Verdict {
     }
 
     /// What explains the runs that were fitted must explain others too: there nothing has counted for noise that is none.
-    fn after_validation(self, gain: Gain) -> Self {
+    fn after_validation(self, left: f64) -> Self {
         match self {
-            Self::Consistent if gain.after.powi(2) > ALL_EXPLAINED => Self::Unexplained,
-            Self::Explained if gain.after.powi(2) > ALL_EXPLAINED => Self::PartlyExplained,
+            Self::Consistent if left > ALL_EXPLAINED => Self::Unexplained,
+            Self::Explained if left > ALL_EXPLAINED => Self::PartlyExplained,
             other => other,
         }
     }
@@ -226,7 +228,9 @@ pub fn diagnose(
     let (validation_before, validation_after) = (misfit(&settled, validation_as_read)?, misfit(&extended, validation)?);
     let judged = if validation_before.is_empty() { [&before, &after] } else { [&validation_before, &validation_after] };
     let gain = Gain { before: overall(judged[0]), after: overall(judged[1]) };
-    let verdict = verdict.after_validation(gain);
+    let judged = if validation.is_empty() { runs } else { validation };
+    let fitted = fitted_left(&extended, judged, windows)?.unwrap_or(f64::INFINITY);
+    let verdict = verdict.after_validation(fitted.min(gain.after.powi(2)));
     let unexplained = match verdict {
         Verdict::Unexplained | Verdict::PartlyExplained => {
             progress("looking at what is left");
@@ -259,6 +263,17 @@ pub fn diagnose(
         settled,
         extended,
     })
+}
+
+/// Mean square that a plant leaves of a clamped arm's runs, each window's first state fitted: a few swings begun where they were
+/// measured tell more of that noise than of the plant.
+fn fitted_left(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Option<f64>, ModelError> {
+    if !plant.base.clamped {
+        return Ok(None);
+    }
+    let cells = Evidence::gather(&Trial::of(plant), runs, windows)?.cells;
+    let freedom: f64 = cells.iter().map(|cell| cell.freedom).sum();
+    Ok((freedom > 0.0).then(|| cells.iter().map(|cell| cell.residual.norm_squared()).sum::<f64>() / freedom))
 }
 
 /// How far runs are from a plant, channel by channel.

@@ -24,6 +24,9 @@ pub(crate) fn selected(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Selection, ModelError> {
     let search = Search { file, runs, progress };
+    if let Some(selection) = search.at_once(contest)? {
+        return Ok(selection);
+    }
     // A clamped arm is never simulated to its noise: one cause is enough to see how far from it the best model stays.
     let first = if contest.trial.plant.base.clamped { 1 } else { MOST_CAUSES };
     let mut selection = contest.select(first, progress)?;
@@ -59,17 +62,44 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Begun with the causes that everything fitted at once comes down to, where the plant file is far from what was measured;
+    /// `None` where these are not what it was.
+    fn at_once(&self, contest: &mut Contest) -> Result<Option<Selection>, ModelError> {
+        if !contest.settles() || !contest.is_far_off(&contest.nothing()?) {
+            return Ok(None);
+        }
+        (self.progress)("fitting everything at once");
+        let settled = contest.place();
+        let (hypotheses, effects) = contest.at_once(self.file)?;
+        if !hypotheses.is_empty() {
+            let effects = contest.settle_anew(&hypotheses, &effects, self.file, self.runs)?;
+            let begun = contest.select_beside(&hypotheses, &effects, MOST_CAUSES, self.progress)?;
+            let selection = self.settled(contest, begun, MOST_CAUSES)?;
+            if !selection.after.hypotheses.is_empty() && mean_square(&selection.after) < DOUBTFUL {
+                return Ok(Some(selection));
+            }
+        }
+        contest.go_back(settled, &[], self.runs)?;
+        Ok(None)
+    }
+
     /// The selection once uncertain values have given back what they took up of its causes, as often as that changes it.
     fn settled(&self, contest: &mut Contest, begun: Selection, most: usize) -> Result<Selection, ModelError> {
         let mut selection = begun;
         for _ in 0..SETTLED_ANEW {
             let Refined { hypotheses, effects, .. } = &selection.after;
-            if hypotheses.is_empty() {
+            // What a cause moves little, uncertain values followed linearly.
+            if hypotheses.is_empty() || !contest.is_far_off(&selection.before) {
                 break;
             }
             (self.progress)("settling uncertain values beside these causes");
+            let here = contest.place();
             let effects = contest.settle_anew(hypotheses, effects, self.file, self.runs)?;
             let again = contest.select_beside(hypotheses, &effects, most, self.progress)?;
+            if mean_square(&again.after) > mean_square(&selection.after) {
+                contest.go_back(here, &selection.after.effects, self.runs)?;
+                break;
+            }
             let is_the_same = again.after.hypotheses == *hypotheses;
             selection = again;
             if is_the_same {

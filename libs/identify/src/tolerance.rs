@@ -31,7 +31,8 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
                 Some(vec![0.01 * effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m)])
             }
             "link_inertia" => Some(vec![0.1 * nominal]),
-            "encoder_offset" => Some(vec![2e-3]),
+            "encoder_offset" | "joint_spring" => Some(vec![2e-3]),
+            "encoder_scale" if plant.uncertainty.is_some() => Some(vec![2e-3]),
             "link_latency" => Some(vec![1e-3]),
             _ => None,
         };
@@ -77,7 +78,8 @@ fn stated(effect: &Effect, plant: &Plant) -> Option<f64> {
         "link_com" => known.com_to_next_joint_m,
         "link_inertia" => known.link_inertia_kg_m2,
         "encoder_offset" => known.joint_offset_rad,
-        "joint_coulomb_friction" => known.coulomb_friction_n_m,
+        // Static friction above dry friction is as uncertain as this is.
+        "joint_coulomb_friction" | "joint_stribeck_friction" => known.coulomb_friction_n_m,
         "joint_viscous_friction" => known.viscous_friction_n_m_s_rad,
         "torque_constant" => {
             let link = effect.index().and_then(|i| plant.links.get(i - 1))?;

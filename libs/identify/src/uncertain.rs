@@ -2,7 +2,7 @@
 //!
 //! They are never named as causes. They take up what they may, as far as their standard deviations make it likely.
 
-use fss_plant::{Plant, Uncertainty};
+use fss_plant::{Effect, Plant, Uncertainty};
 
 /// One uncertain value.
 #[derive(Clone, Debug)]
@@ -15,6 +15,17 @@ pub(crate) struct Uncertain {
     value: fn(&mut Plant, usize) -> &mut f64,
 }
 
+/// Of a link's values, the cause that each would be far beyond its deviation.
+const CAUSES: [(&str, &str); 7] = [
+    ("com_to_next_joint_m", "link_com"),
+    ("mass_kg", "link_mass"),
+    ("inertia_kg_m2", "link_inertia"),
+    ("joint_offset_rad", "encoder_offset"),
+    ("coulomb_friction_N_m", "joint_coulomb_friction"),
+    ("viscous_friction_N_m_s_rad", "joint_viscous_friction"),
+    ("torque_constant_N_m_A", "torque_constant"),
+];
+
 impl Uncertain {
     /// The plant with this value moved by `by` standard deviations.
     pub(crate) fn moved(&self, plant: &Plant, by: f64) -> Plant {
@@ -24,6 +35,20 @@ impl Uncertain {
         let floor = if *value > 0.0 && self.is_positive() { 0.05 * *value } else { f64::NEG_INFINITY };
         *value = (*value + by * self.sd).max(floor);
         plant
+    }
+
+    /// The cause that this value of a link, so many standard deviations away from `plant`'s, would be.
+    pub(crate) fn as_cause(&self, plant: &Plant, by: f64) -> Option<Effect> {
+        let what = self.name.strip_prefix(&format!("link {} ", self.index + 1))?;
+        let (_, id) = CAUSES.iter().find(|(name, _)| *name == what)?;
+        let nominal = *(self.value)(&mut plant.clone(), self.index);
+        let value = match *id {
+            // An encoder that reads too much makes its joint stand at less.
+            "encoder_offset" => -by * self.sd,
+            "torque_constant" => 1.0 + by * self.sd / nominal,
+            _ => nominal + by * self.sd,
+        };
+        Some(Effect::new(id).ok()?.at(self.index + 1).with(&[value]))
     }
 
     fn is_positive(&self) -> bool {

@@ -1,6 +1,7 @@
 //! The contest of possible causes: screened all at once by what a linear fit would gain, the best refitted with the real
 //! simulation, taken one after the other as long as the data insist.
 
+mod at_once;
 mod noise;
 mod refine;
 mod rules;
@@ -17,11 +18,13 @@ pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;
 pub(crate) use select::{MOST_CAUSES, Selection};
 
+use crate::diagnosis::DOUBTFUL;
 use crate::evidence::Evidence;
 use crate::hypothesis::{Hypothesis, hypotheses};
 use crate::measured::Run;
 use crate::misfit::Windows;
 use crate::normal::Normal;
+use crate::search::mean_square;
 use crate::sensitivity::{Column, normals};
 use crate::tolerance::tolerance;
 use crate::trial::Trial;
@@ -29,6 +32,7 @@ use crate::uncertain::{Uncertain, uncertain};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use settle::FARTHEST;
 
 /// Everything that the contest is about.
 pub(crate) struct Contest {
@@ -159,6 +163,13 @@ impl Contest {
         self.is_chaotic() && !self.uncertain.is_empty()
     }
 
+    /// Whether uncertain values cannot explain what was measured, or only where they have no business to be.
+    pub(crate) fn is_far_off(&self, nothing: &Refined) -> bool {
+        let farthest =
+            self.off_file(&nothing.nuisance).iter().take(self.uncertain.len()).fold(0.0, |a: f64, b| a.max(b.abs()));
+        mean_square(nothing) > DOUBTFUL || farthest > FARTHEST
+    }
+
     /// Number of columns in the screen.
     fn width(&self) -> usize {
         self.order.width
@@ -231,7 +242,7 @@ impl Contest {
         let mut plant = self.trial.plant.clone();
         for ((u, by), moved) in self.uncertain.iter().zip(nuisance.iter()).zip(self.moved.iter()) {
             // Far beyond its deviation an uncertain value would be a cause of its own.
-            plant = u.moved(&plant, (moved + by).clamp(-4.0, 4.0) - moved);
+            plant = u.moved(&plant, (moved + by).clamp(-FARTHEST, FARTHEST) - moved);
         }
         plant.effects.clone_from(&self.trial.effects);
         plant

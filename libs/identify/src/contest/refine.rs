@@ -21,6 +21,9 @@ const LEAST_STEP_SHARE_IF_CHAOTIC: f64 = 1e-4;
 /// Share of a drive's stiffness over which what it does is differenced: from a few times this on, swings are no matter of proportion.
 const COMPLIANCE_STEP: f64 = 2e-3;
 
+/// How much shorter a parameter is stepped where a little of it is many noises.
+const SHORTER_IF_CHAOTIC: f64 = 0.02;
+
 /// Causes with the values that fit best.
 #[derive(Clone)]
 pub(crate) struct Refined {
@@ -206,6 +209,9 @@ impl Contest {
                 let value = effect.values()[i];
                 let mut step = (0.02 * about.scale)
                     .min(0.05 * (value - hypothesis.nominal.values()[i]).abs().max(1e-4 * about.scale));
+                if self.settles() {
+                    step *= SHORTER_IF_CHAOTIC;
+                }
                 if hypothesis.is_compliance() {
                     step = COMPLIANCE_STEP * value;
                 } else if value + step > about.upper {

@@ -43,6 +43,16 @@ impl Contest {
         refined.chi2 + 12.0 * count as f64 * unit(refined)
     }
 
+    /// What a cause that is there from the start must gain.
+    pub(super) fn least_gain(&self, effect: &Effect) -> f64 {
+        match effect.about().place {
+            Place::Base | Place::Mass | Place::Thruster => LEAST_GAIN_AT_BASE,
+            // Of such an arm every sample is simulated, and what a cause gains is what an uncertain value in its place would cost.
+            _ if self.settles() => LEAST_GAIN_AT_BASE,
+            _ => LEAST_GAIN,
+        }
+    }
+
     /// Whether the data insist on the last cause of `next`.
     pub(super) fn insists(&self, now: &Refined, next: &Refined) -> bool {
         let gain = now.chi2 - next.chi2;
@@ -53,7 +63,7 @@ impl Contest {
         let idle = self.hypotheses[next.hypotheses[last]].is_idle(&next.effects[last]);
         let (least, least_share) = match next.effects[last].onset_s() {
             Some(_) => (LEAST_GAIN_OF_ONSET, LEAST_SHARE_OF_ONSET),
-            None => (least_gain(&next.effects[last]), LEAST_SHARE),
+            None => (self.least_gain(&next.effects[last]), LEAST_SHARE),
         };
         !idle
             && self.may_be_told(next, last)
@@ -136,14 +146,6 @@ fn stands_apart(refined: &Refined, which: usize) -> bool {
     let own: Vec<usize> = refined.columns_of(which).collect();
     let others: Vec<usize> = (0..refined.clear.len()).filter(|k| !own.contains(k)).collect();
     own.is_empty() || others.is_empty() || likeness(&refined.clear, &own, &others) < ONE_AND_THE_SAME
-}
-
-/// What a cause that is there from the start must gain.
-pub(super) fn least_gain(effect: &Effect) -> f64 {
-    match effect.about().place {
-        Place::Base | Place::Mass | Place::Thruster => LEAST_GAIN_AT_BASE,
-        _ => LEAST_GAIN,
-    }
 }
 
 /// What noise and everything unexplained make of one degree of freedom.

@@ -1,6 +1,6 @@
 //! Which causes to take: forward by contest, checked on left-out runs, then backward.
 
-use super::rules::{LEAST_GAIN, least_gain, unit};
+use super::rules::{LEAST_GAIN, unit};
 use super::screen::Screened;
 use super::{Contest, Refined};
 use fss_multibody::ModelError;
@@ -130,7 +130,7 @@ impl Contest {
             (CONTESTANTS, MOST_CONTESTANTS)
         };
         let worth = |s: &&Screened| {
-            s.gain / noise > 0.5 * least_gain(&s.effect)
+            s.gain / noise > 0.5 * self.least_gain(&s.effect)
                 && !taken.hypotheses.iter().any(|h| self.hypotheses[*h].is_same_cause(&self.hypotheses[s.hypothesis]))
                 && self.is_worth_saying(s.hypothesis, &s.effect)
         };
@@ -197,7 +197,7 @@ impl Contest {
             let mut dropped = None;
             for i in 0..after.hypotheses.len() {
                 let without = self.refine_without(&after, i)?;
-                if without.chi2 - after.chi2 < least_gain(&after.effects[i]) * unit(&after) {
+                if without.chi2 - after.chi2 < self.least_gain(&after.effects[i]) * unit(&after) {
                     dropped = Some(without);
                     break;
                 }

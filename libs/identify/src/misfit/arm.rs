@@ -67,16 +67,24 @@ impl Window<'_> {
         }
     }
 
-    /// Angles and rates at each sample after the first, from a state there.
-    fn from(&self, state: &[f64]) -> Vec<Vec<f64>> {
-        let n = state.len() / 2;
+    /// What encoders show at each sample after the first, from a state that they showed there.
+    fn from(&self, shown: &[f64]) -> Vec<Vec<f64>> {
+        let n = shown.len() / 2;
         let mut simulation = self.simulation.clone();
+        let joints = simulation.physics().joints.clone();
+        let late_s: Vec<f64> = (0..n).map(|i| simulation.physics().sensors.link_age_s(i)).collect();
+        let rates: Vec<f64> = (0..n).map(|i| shown[n + i] / joints[i].encoder_scale).collect();
+        let angle =
+            |i: usize| (shown[i] - joints[i].encoder_offset_rad) / joints[i].encoder_scale + late_s[i] * rates[i];
+        let angles: Vec<f64> = (0..n).map(angle).collect();
         simulation.begin_at(self.joints.t_s[self.samples.start]);
-        simulation.set_state([0.0; 3], [0.0; 3], &state[..n], &state[n..]);
+        simulation.set_state([0.0; 3], [0.0; 3], &angles, &rates);
         let step = |k: usize| {
             drive(&mut simulation, self.run.drive, self.joints, k);
             simulation.step(self.joints.t_s[k + 1] - self.joints.t_s[k]);
-            (0..n).map(|i| simulation.joint(i).0).chain((0..n).map(|i| simulation.joint(i).1)).collect()
+            let state: Vec<(f64, f64)> = (0..n).map(|i| simulation.joint(i)).collect();
+            let angles = (0..n).map(|i| joints[i].encoder_reading(state[i].0 - late_s[i] * state[i].1));
+            angles.chain((0..n).map(|i| joints[i].encoder_scale * state[i].1)).collect()
         };
         self.samples.clone().map(step).collect()
     }
