@@ -51,6 +51,7 @@ viscous_friction_N_m_s_rad = 0.0002
 ";
 
 /// The pendulum as it is: within the file's uncertainties, but for what a test changes.
+#[derive(Clone, Copy)]
 struct Pendulum {
     mass_kg: f64,
     /// Of the centre of mass from the joint.
@@ -153,18 +154,21 @@ fn a_sound_pendulum_within_its_stated_uncertainty_is_consistent() {
 }
 
 #[test]
-fn friction_beyond_what_the_file_allows_is_named_with_its_size() {
+fn what_is_beyond_that_is_named_with_its_size() {
     println!("seed {SEED}");
     let mut random = ChaCha8Rng::seed_from_u64(SEED + 1);
     let sound = Pendulum::drawn(&mut random);
     let viscous = Pendulum { viscous_n_m_s_rad: 0.005, ..sound };
-    let found_viscous = found(&viscous.diagnosed(&mut random), "coefficient_N_m_s_rad");
-    let dry = Pendulum { coulomb_n_m: 0.01, viscous_n_m_s_rad: 0.002, ..viscous };
-    let found_dry = found(&dry.diagnosed(&mut random), "torque_N_m");
-    println!("{found_viscous:?} for 0.005 N m s/rad, {found_dry:?} for 0.01 N m");
-    for (found, name, truth) in
-        [(found_viscous, "joint_viscous_friction", 0.005), (found_dry, "joint_coulomb_friction", 0.01)]
-    {
-        assert!(matches!(&found[..], [(it, size)] if it == name && (size / truth - 1.0).abs() < 0.1), "{found:?}");
+    let dry = Pendulum { coulomb_n_m: 0.01, ..sound };
+    // An encoder that reads too much makes its joint stand at less.
+    let shifted = Pendulum { offset_rad: -0.02, ..sound };
+    for (pendulum, effect, parameter, truth) in [
+        (viscous, "joint_viscous_friction", "coefficient_N_m_s_rad", 0.005),
+        (dry, "joint_coulomb_friction", "torque_N_m", 0.01),
+        (shifted, "encoder_offset", "offset_rad", 0.02),
+    ] {
+        let found = found(&pendulum.diagnosed(&mut random), parameter);
+        println!("{found:?} for {effect} {truth}");
+        assert!(matches!(&found[..], [(it, size)] if it == effect && (size / truth - 1.0).abs() < 0.1), "{found:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! The causes that the data insist on, with uncertain values where these causes leave them.
 
-use crate::contest::{Contest, MOST_CAUSES, Refined, Selection};
+use crate::contest::{Contest, MOST_AT_ONCE, MOST_CAUSES, Refined, Selection};
 use crate::diagnosis::DOUBTFUL;
 use crate::measured::Run;
 use fss_multibody::ModelError;
@@ -73,8 +73,8 @@ impl Search<'_> {
         let (hypotheses, effects) = contest.at_once(self.file)?;
         if !hypotheses.is_empty() {
             let effects = contest.settle_anew(&hypotheses, &effects, self.file, self.runs)?;
-            let begun = contest.select_beside(&hypotheses, &effects, MOST_CAUSES, self.progress)?;
-            let selection = self.settled(contest, begun, MOST_CAUSES)?;
+            let begun = contest.select_beside(&hypotheses, &effects, MOST_AT_ONCE, self.progress)?;
+            let selection = self.settled(contest, begun, MOST_AT_ONCE)?;
             if !selection.after.hypotheses.is_empty() && mean_square(&selection.after) < DOUBTFUL {
                 return Ok(Some(selection));
             }

@@ -5,7 +5,6 @@
 //! once, however far it wants to. Where that leads to the noise, the fewest causes are looked for that leave no more.
 
 use super::Contest;
-use super::select::MOST_CAUSES;
 use super::settle::Descent;
 use crate::hypothesis::Hypothesis;
 use fss_multibody::ModelError;
@@ -19,6 +18,8 @@ const UNITS: [&[f64]; 2] = [&[100.0, 10.0, 1.0], &[1.0, 1.0]];
 const AS_FAR_AS_NEEDED: f64 = 1e3;
 /// Mean square up to which the motion is fitted near enough for its linear answer to hold.
 const NEAR: f64 = 2.0;
+/// Causes taken at most: three of one arm are more likely one that was not found.
+pub(crate) const MOST_AT_ONCE: usize = 2;
 /// Weight of what holds a parameter where it is nothing, over what the data weigh.
 const PINNED: f64 = 1e9;
 
@@ -100,7 +101,7 @@ impl Contest {
         };
         let mut taken: Vec<usize> = Vec::new();
         let mut left = all.least(&[]).map_or(f64::INFINITY, |(left, _)| left);
-        while taken.len() < MOST_CAUSES {
+        while taken.len() < MOST_AT_ONCE {
             let beside = |candidate: usize| {
                 let free: Vec<usize> = taken.iter().chain([&candidate]).flat_map(|c| coordinates(*c)).collect();
                 let (less, at) = all.least(&free)?;
@@ -113,8 +114,8 @@ impl Contest {
             left = less;
         }
         let free: Vec<usize> = taken.iter().flat_map(|c| coordinates(*c)).collect();
-        let at = all.least(&free).map_or_else(Vec::new, |(_, at)| at);
-        taken.iter().filter(|_| !at.is_empty()).filter_map(|c| cause(*c, &at)).unzip()
+        let Some((_, at)) = all.least(&free) else { return Default::default() };
+        taken.iter().filter_map(|c| cause(*c, &at)).unzip()
     }
 }
 
