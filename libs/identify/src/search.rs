@@ -1,10 +1,10 @@
 //! The causes that the data insist on, with uncertain values where these causes leave them.
 
-use crate::contest::{Contest, MOST_AT_ONCE, MOST_CAUSES, Refined, Selection};
+use crate::contest::{Contest, Fewest, MOST_AT_ONCE, MOST_CAUSES, Refined, Selection};
 use crate::diagnosis::DOUBTFUL;
 use crate::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::Plant;
+use fss_plant::{Effect, Plant};
 
 /// How often uncertain values are settled anew beside the causes found, where their influence is far from linear.
 const SETTLED_ANEW: usize = 2;
@@ -31,7 +31,7 @@ pub(crate) fn selected(
     let first = if contest.trial.plant.base.clamped { 1 } else { MOST_CAUSES };
     let mut selection = contest.select(first, progress)?;
     if contest.settles() {
-        selection = search.settled(contest, selection, first)?;
+        selection = search.settled(contest, selection, &[], first)?;
     }
     let mut unit = mean_square(&selection.after);
     // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
@@ -41,7 +41,7 @@ pub(crate) fn selected(
         if !contest.settles() {
             break;
         }
-        selection = search.settled(contest, selection, MOST_CAUSES)?;
+        selection = search.settled(contest, selection, &[], MOST_CAUSES)?;
         let left = mean_square(&selection.after);
         if left > MUCH_BETTER * unit {
             break;
@@ -49,7 +49,7 @@ pub(crate) fn selected(
         unit = left;
         if unit <= DOUBTFUL {
             contest.set_unit(1.0);
-            selection = search.settled(contest, selection, MOST_CAUSES)?;
+            selection = search.settled(contest, selection, &[], MOST_CAUSES)?;
         }
     }
     Ok(selection)
@@ -70,11 +70,13 @@ impl Search<'_> {
         }
         (self.progress)("fitting everything at once");
         let settled = contest.place();
-        let (hypotheses, effects) = contest.at_once(self.file)?;
-        if !hypotheses.is_empty() {
+        let found = contest.at_once(self.file)?;
+        let (found, instead) = self.best_alone(contest, found)?;
+        if !found.causes.is_empty() {
+            let (hypotheses, effects): (Vec<usize>, Vec<Effect>) = found.causes.into_iter().unzip();
             let effects = contest.settle_anew(&hypotheses, &effects, self.file, self.runs)?;
-            let begun = contest.select_beside(&hypotheses, &effects, MOST_AT_ONCE, self.progress)?;
-            let selection = self.settled(contest, begun, MOST_AT_ONCE)?;
+            let begun = contest.select_beside(&hypotheses, &effects, instead.clone(), MOST_AT_ONCE, self.progress)?;
+            let selection = self.settled(contest, begun, &instead, MOST_AT_ONCE)?;
             if !selection.after.hypotheses.is_empty() && mean_square(&selection.after) < DOUBTFUL {
                 return Ok(Some(selection));
             }
@@ -83,8 +85,29 @@ impl Search<'_> {
         Ok(None)
     }
 
+    /// Of one cause and those that might stand in its place the one that leaves least, each with uncertain values settled beside
+    /// it, and the others as they are then.
+    fn best_alone(&self, contest: &mut Contest, found: Fewest) -> Result<(Fewest, Vec<Refined>), ModelError> {
+        if found.instead.is_empty() {
+            return Ok((found, Vec::new()));
+        }
+        let all = found.causes.iter().chain(&found.instead);
+        let mut alone =
+            all.map(|cause| contest.settled_alone(cause, self.file, self.runs)).collect::<Result<Vec<_>, _>>()?;
+        alone.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+        let best = alone.remove(0);
+        let causes = best.hypotheses.into_iter().zip(best.effects).collect();
+        Ok((Fewest { causes, instead: Vec::new() }, alone))
+    }
+
     /// The selection once uncertain values have given back what they took up of its causes, as often as that changes it.
-    fn settled(&self, contest: &mut Contest, begun: Selection, most: usize) -> Result<Selection, ModelError> {
+    fn settled(
+        &self,
+        contest: &mut Contest,
+        begun: Selection,
+        instead: &[Refined],
+        most: usize,
+    ) -> Result<Selection, ModelError> {
         let mut selection = begun;
         for _ in 0..SETTLED_ANEW {
             let Refined { hypotheses, effects, .. } = &selection.after;
@@ -95,7 +118,8 @@ impl Search<'_> {
             (self.progress)("settling uncertain values beside these causes");
             let here = contest.place();
             let effects = contest.settle_anew(hypotheses, effects, self.file, self.runs)?;
-            let again = contest.select_beside(hypotheses, &effects, most, self.progress)?;
+            let instead = if hypotheses.len() == 1 { instead.to_vec() } else { Vec::new() };
+            let again = contest.select_beside(hypotheses, &effects, instead, most, self.progress)?;
             if mean_square(&again.after) > mean_square(&selection.after) {
                 contest.go_back(here, &selection.after.effects, self.runs)?;
                 break;

@@ -20,18 +20,29 @@ const AS_FAR_AS_NEEDED: f64 = 1e3;
 const NEAR: f64 = 2.0;
 /// Causes taken at most: three of one arm are more likely one that was not found.
 pub(crate) const MOST_AT_ONCE: usize = 2;
+/// What another cause alone may leave more than the one that was found, and how many of them may be tried in its place.
+const NEARLY_AS_GOOD: f64 = 50.0;
+const MOST_INSTEAD: usize = 3;
 /// Weight of what holds a parameter where it is nothing, over what the data weigh.
 const PINNED: f64 = 1e9;
+
+/// Causes with values to begin at.
+#[derive(Default)]
+pub(crate) struct Fewest {
+    pub(crate) causes: Vec<(usize, Effect)>,
+    /// Others that might stand in the place of one that was found alone.
+    pub(crate) instead: Vec<(usize, Effect)>,
+}
 
 impl Contest {
     /// The fewest causes that leave as little as everything together, begun at their values; none where not even that fits. The
     /// plant is left where everything put it.
-    pub(crate) fn at_once(&mut self, file: &Plant) -> Result<(Vec<usize>, Vec<Effect>), ModelError> {
+    pub(crate) fn at_once(&mut self, file: &Plant) -> Result<Fewest, ModelError> {
         let own: Vec<usize> = (0..self.hypotheses.len()).filter(|h| self.is_loose(&self.hypotheses[*h])).collect();
         let nominal: Vec<Effect> = own.iter().map(|h| self.hypotheses[*h].nominal.clone()).collect();
         let loose: Vec<f64> = nominal.iter().flat_map(|e| e.about().parameters).map(|p| p.scale).collect();
         let descent = Descent { hypotheses: &own, loose: &loose, farthest: AS_FAR_AS_NEEDED };
-        let Some(effects) = self.descended(&descent, &nominal, file)? else { return Ok(Default::default()) };
+        let Some(effects) = self.descended(&descent, &nominal, file)? else { return Ok(Fewest::default()) };
         let point = self.point_here(&effects)?;
         let (normal, right) = self.pull_of_data(&own, &point)?;
         let off = self.off_nominal(&own, &effects);
@@ -73,7 +84,7 @@ impl Contest {
     }
 
     /// Causes taken one after the other, each the one that leaves least, while that is worth a name.
-    fn fewest(&self, all: &Linear, own: &[usize], file: &Plant) -> (Vec<usize>, Vec<Effect>) {
+    fn fewest(&self, all: &Linear, own: &[usize], file: &Plant) -> Fewest {
         let first = |k: usize| -> usize { own[..k].iter().map(|h| self.hypotheses[*h].size()).sum() };
         let coordinates = |candidate: usize| -> Vec<usize> {
             if candidate < all.uncertain {
@@ -114,8 +125,18 @@ impl Contest {
             left = less;
         }
         let free: Vec<usize> = taken.iter().flat_map(|c| coordinates(*c)).collect();
-        let Some((_, at)) = all.least(&free) else { return Default::default() };
-        taken.iter().filter_map(|c| cause(*c, &at)).unzip()
+        let Some((least, at)) = all.least(&free) else { return Fewest::default() };
+        let alone = |candidate: usize| {
+            let (less, at) = all.least(&coordinates(candidate))?;
+            Some((less, cause(candidate, &at)?)).filter(|_| less - least < NEARLY_AS_GOOD * self.unit)
+        };
+        let others = (0..all.uncertain + own.len()).filter(|c| taken.len() == 1 && !taken.contains(c));
+        let mut instead: Vec<(f64, (usize, Effect))> = others.filter_map(alone).collect();
+        instead.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Fewest {
+            causes: taken.iter().filter_map(|c| cause(*c, &at)).collect(),
+            instead: instead.into_iter().take(MOST_INSTEAD).map(|(_, cause)| cause).collect(),
+        }
     }
 }
 

@@ -13,7 +13,7 @@ mod swing;
 mod take;
 mod weigh;
 
-pub(crate) use at_once::MOST_AT_ONCE;
+pub(crate) use at_once::{Fewest, MOST_AT_ONCE};
 pub(crate) use noise::{GYRO, Shaken};
 pub(crate) use refine::Refined;
 pub(crate) use screen::Screened;

@@ -58,14 +58,15 @@ pub(crate) struct Selection {
 impl Contest {
     /// Takes causes as long as the data insist, at most so many.
     pub(crate) fn select(&mut self, most: usize, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
-        self.select_beside(&[], &[], most, say)
+        self.select_beside(&[], &[], Vec::new(), most, say)
     }
 
-    /// The same where these were taken already.
+    /// The same where these were taken already, one of them alone with these rivals.
     pub(crate) fn select_beside(
         &mut self,
         hypotheses: &[usize],
         effects: &[Effect],
+        instead: Vec<Refined>,
         most: usize,
         say: &(dyn Fn(&str) + Sync),
     ) -> Result<Selection, ModelError> {
@@ -79,7 +80,7 @@ impl Contest {
             after = self.refine(hypotheses, effects)?;
         }
         let mut centre = after.clone();
-        let mut rivals: Vec<Vec<Refined>> = Vec::new();
+        let mut rivals: Vec<Vec<Refined>> = if instead.is_empty() { Vec::new() } else { vec![instead] };
         while after.hypotheses.len() < most {
             say(&format!("contest for cause {}", after.hypotheses.len() + 1));
             let screen = self.screen(&after.residuals, &after.hypotheses);

@@ -5,7 +5,7 @@
 //! anew there; how far it has come from its file still costs what it did.
 
 use super::refine::Point;
-use super::{Contest, Order};
+use super::{Contest, Order, Refined};
 use crate::evidence::Cell;
 use crate::hypothesis::hypotheses;
 use crate::measured::Run;
@@ -79,6 +79,18 @@ impl Contest {
         self.evidence.settle(&self.trial)?;
         self.linearize_all(runs)?;
         Ok(effects)
+    }
+
+    /// A cause alone, with uncertain values settled beside it.
+    pub(crate) fn settled_alone(
+        &mut self,
+        (hypothesis, effect): &(usize, Effect),
+        file: &Plant,
+        runs: &[Run],
+    ) -> Result<Refined, ModelError> {
+        let effects = self.settle_anew(&[*hypothesis], std::slice::from_ref(effect), file, runs)?;
+        self.centre(&effects, &[])?;
+        self.refine(&[*hypothesis], &effects)
     }
 
     pub(super) fn begin_at(&mut self, file: &Plant, effects: &[Effect]) -> Result<(), ModelError> {
