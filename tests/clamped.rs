@@ -60,6 +60,8 @@ struct Pendulum {
     offset_rad: f64,
     viscous_n_m_s_rad: f64,
     coulomb_n_m: f64,
+    /// Resists with the square of the rate, which no effect of the catalogue does.
+    drag_n_m_s2_rad2: f64,
 }
 
 impl Pendulum {
@@ -73,14 +75,16 @@ impl Pendulum {
             offset_rad: off(0.001),
             viscous_n_m_s_rad: 0.002 + off(0.0002),
             coulomb_n_m: 0.0,
+            drag_n_m_s2_rad2: 0.0,
         }
     }
 
-    /// `theta'' = (-m g c sin theta - v theta' - f tanh(theta'/w)) / (I + m c^2)`, theta from hanging down.
+    /// `theta'' = (-m g c sin theta - v theta' - f tanh(theta'/w) - d |theta'| theta') / (I + m c^2)`, theta from hanging down.
     fn acceleration(&self, [theta, rate]: [f64; 2]) -> f64 {
         let gravity = -self.mass_kg * 9.81 * self.arm_m * theta.sin();
         let friction = self.viscous_n_m_s_rad * rate + self.coulomb_n_m * (rate / 0.01).tanh();
-        (gravity - friction) / (self.inertia_kg_m2 + self.mass_kg * self.arm_m.powi(2))
+        let drag = self.drag_n_m_s2_rad2 * rate.abs() * rate;
+        (gravity - friction - drag) / (self.inertia_kg_m2 + self.mass_kg * self.arm_m.powi(2))
     }
 
     /// By the fourth-order Runge-Kutta method.
@@ -171,4 +175,16 @@ fn what_is_beyond_that_is_named_with_its_size() {
         println!("{found:?} for {effect} {truth}");
         assert!(matches!(&found[..], [(it, size)] if it == effect && (size / truth - 1.0).abs() < 0.1), "{found:?}");
     }
+}
+
+#[test]
+fn a_law_outside_the_catalogue_is_not_named_after_one_inside() {
+    println!("seed {SEED}");
+    let mut random = ChaCha8Rng::seed_from_u64(SEED + 2);
+    let dragged = Pendulum { drag_n_m_s2_rad2: 0.003, ..Pendulum::drawn(&mut random) };
+    let diagnosis = dragged.diagnosed(&mut random);
+    assert_eq!(diagnosis["verdict"], "unexplained", "{}", diagnosis["causes"]);
+    assert_eq!(found(&diagnosis, "strength"), []);
+    let words = diagnosis["unexplained"]["depends_on"].to_string();
+    assert!(words.contains("square of the rate of joint 1: a torque against it of 0.0030 N m s2/rad2"), "{words}");
 }

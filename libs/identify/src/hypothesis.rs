@@ -36,6 +36,9 @@ const CYCLES: &[f64] = &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 /// Widths of a drive's play at which it is looked for, rad: how long a link takes from one side to the other is no matter of proportion.
 const PLAYS_RAD: &[f64] = &[0.0005, 0.002, 0.006];
 
+/// The id of what is none of the catalogue's.
+pub(crate) const OUTSIDE: &str = "unmodelled";
+
 /// Every cause that these runs could show.
 pub(crate) fn hypotheses(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
     let mut candidates = effects::candidates(plant);
@@ -44,7 +47,19 @@ pub(crate) fn hypotheses(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
         candidates.extend(Effect::new(id).ok().map(|e| e.nominal(plant)));
     }
     candidates.retain(|e| is_askable(e, plant, runs));
-    candidates.iter().flat_map(hypotheses_of).collect()
+    candidates.iter().chain(&outside(plant, runs)).flat_map(hypotheses_of).collect()
+}
+
+/// What no effect of the catalogue is, and would be taken for one: a drag that grows faster than in proportion to a joint's rate
+/// is no viscous friction. Where a plant file tells what it knows, its arm is simulated near enough to the noise to see that.
+fn outside(plant: &Plant, runs: &[Run]) -> Vec<Effect> {
+    if !plant.base.clamped || plant.uncertainty.is_none() {
+        return Vec::new();
+    }
+    let moves = |joint: &usize| runs.iter().any(|run| run.moves(*joint));
+    let drag =
+        |joint: usize| Some(Effect::new(OUTSIDE).ok()?.nominal(plant).on(&format!("joint_torque_{joint}_by_rate")));
+    (1..=plant.link_count()).filter(moves).filter_map(drag).collect()
 }
 
 fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
@@ -155,7 +170,16 @@ impl Hypothesis {
 
     /// Number of coordinates.
     pub(crate) fn size(&self) -> usize {
-        if self.is_discrete || self.nominal.id() == "drive_kinematic_error" { 1 } else { self.nominal.values().len() }
+        if self.is_discrete || self.nominal.id() == "drive_kinematic_error" { 1 } else { self.parameters() }
+    }
+
+    /// Number of parameters that are fitted: of an exchange none, and of what is outside the catalogue its size.
+    pub(crate) fn parameters(&self) -> usize {
+        match self.nominal.id() {
+            _ if self.is_discrete => 0,
+            OUTSIDE => 1,
+            _ => self.nominal.values().len(),
+        }
     }
 
     /// A stiffness that is nominally without bound is asked for by its inverse.

@@ -35,4 +35,5 @@ mod tolerance;
 mod trial;
 mod uncertain;
 pub mod unexplained;
+mod verdict;
 pub mod workspace;

@@ -1,7 +1,8 @@
 //! What causes are worth for runs that were kept out of the fit.
 
-use crate::diagnosis::{ALL_EXPLAINED, Cause, overall};
+use crate::diagnosis::overall;
 use crate::misfit::ChannelMisfit;
+use crate::verdict::{ALL_EXPLAINED, Cause};
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 

@@ -1,20 +1,14 @@
 //! The causes that the data insist on, with uncertain values where these causes leave them.
 
-use crate::contest::{Contest, Fewest, MOST_AT_ONCE, MOST_CAUSES, Refined, Selection};
-use crate::diagnosis::DOUBTFUL;
+use crate::contest::{Contest, DOUBTFUL, MOST_AT_ONCE, MOST_CAUSES, Refined, Selection};
 use crate::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant};
+use fss_plant::Plant;
 
 /// How often uncertain values are settled anew beside the causes found, where their influence is far from linear.
 const SETTLED_ANEW: usize = 2;
 /// What is left of the mean square where settling anew was worth another round.
 const MUCH_BETTER: f64 = 0.9;
-
-/// What is left, in units of what noise leaves.
-pub(crate) fn mean_square(refined: &Refined) -> f64 {
-    refined.chi2 / refined.freedom.max(1.0)
-}
 
 /// The causes that the data insist on. `file` is the plant as it was given.
 pub(crate) fn selected(
@@ -31,9 +25,9 @@ pub(crate) fn selected(
     let first = if contest.trial.plant.base.clamped { 1 } else { MOST_CAUSES };
     let mut selection = contest.select(first, progress)?;
     if contest.settles() {
-        selection = search.settled(contest, selection, &[], first)?;
+        selection = search.settled(contest, selection, &[], &[], first)?;
     }
-    let mut unit = mean_square(&selection.after);
+    let mut unit = selection.after.mean_square();
     // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
     while unit > DOUBTFUL {
         contest.set_unit(unit);
@@ -41,15 +35,15 @@ pub(crate) fn selected(
         if !contest.settles() {
             break;
         }
-        selection = search.settled(contest, selection, &[], MOST_CAUSES)?;
-        let left = mean_square(&selection.after);
+        selection = search.settled(contest, selection, &[], &[], MOST_CAUSES)?;
+        let left = selection.after.mean_square();
         if left > MUCH_BETTER * unit {
             break;
         }
         unit = left;
         if unit <= DOUBTFUL {
             contest.set_unit(1.0);
-            selection = search.settled(contest, selection, &[], MOST_CAUSES)?;
+            selection = search.settled(contest, selection, &[], &[], MOST_CAUSES)?;
         }
     }
     Ok(selection)
@@ -70,14 +64,18 @@ impl Search<'_> {
         }
         (self.progress)("fitting everything at once");
         let settled = contest.place();
-        let found = contest.at_once(self.file)?;
-        let (found, instead) = self.best_alone(contest, found)?;
-        if !found.causes.is_empty() {
-            let (hypotheses, effects): (Vec<usize>, Vec<Effect>) = found.causes.into_iter().unzip();
-            let effects = contest.settle_anew(&hypotheses, &effects, self.file, self.runs)?;
+        let mut alone = Vec::new();
+        for start in contest.at_once(self.file)? {
+            alone.push((contest.settle_from(&start, self.file, self.runs)?, contest.place()));
+        }
+        alone.sort_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2));
+        let mut alone = alone.into_iter();
+        if let Some((Refined { hypotheses, effects, .. }, place)) = alone.next() {
+            let instead: Vec<Refined> = alone.map(|(other, _)| other).collect();
+            contest.go_back(place, &effects, self.runs)?;
             let begun = contest.select_beside(&hypotheses, &effects, instead.clone(), MOST_AT_ONCE, self.progress)?;
-            let selection = self.settled(contest, begun, &instead, MOST_AT_ONCE)?;
-            if !selection.after.hypotheses.is_empty() && mean_square(&selection.after) < DOUBTFUL {
+            let selection = self.settled(contest, begun, &hypotheses, &instead, MOST_AT_ONCE)?;
+            if !selection.after.hypotheses.is_empty() && selection.after.mean_square() < DOUBTFUL {
                 return Ok(Some(selection));
             }
         }
@@ -85,26 +83,13 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Of one cause and those that might stand in its place the one that leaves least, each with uncertain values settled beside
-    /// it, and the others as they are then.
-    fn best_alone(&self, contest: &mut Contest, found: Fewest) -> Result<(Fewest, Vec<Refined>), ModelError> {
-        if found.instead.is_empty() {
-            return Ok((found, Vec::new()));
-        }
-        let all = found.causes.iter().chain(&found.instead);
-        let mut alone =
-            all.map(|cause| contest.settled_alone(cause, self.file, self.runs)).collect::<Result<Vec<_>, _>>()?;
-        alone.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-        let best = alone.remove(0);
-        let causes = best.hypotheses.into_iter().zip(best.effects).collect();
-        Ok((Fewest { causes, instead: Vec::new() }, alone))
-    }
-
-    /// The selection once uncertain values have given back what they took up of its causes, as often as that changes it.
+    /// The selection once uncertain values have given back what they took up of its causes, as often as that changes it; beside
+    /// these causes they have already.
     fn settled(
         &self,
         contest: &mut Contest,
         begun: Selection,
+        beside: &[usize],
         instead: &[Refined],
         most: usize,
     ) -> Result<Selection, ModelError> {
@@ -112,7 +97,7 @@ impl Search<'_> {
         for _ in 0..SETTLED_ANEW {
             let Refined { hypotheses, effects, .. } = &selection.after;
             // What a cause moves little, uncertain values followed linearly.
-            if hypotheses.is_empty() || !contest.is_far_off(&selection.before) {
+            if hypotheses == beside || !contest.is_far_off(&selection.before) {
                 break;
             }
             (self.progress)("settling uncertain values beside these causes");
@@ -120,7 +105,7 @@ impl Search<'_> {
             let effects = contest.settle_anew(hypotheses, effects, self.file, self.runs)?;
             let instead = if hypotheses.len() == 1 { instead.to_vec() } else { Vec::new() };
             let again = contest.select_beside(hypotheses, &effects, instead, most, self.progress)?;
-            if mean_square(&again.after) > mean_square(&selection.after) {
+            if again.after.mean_square() > selection.after.mean_square() {
                 contest.go_back(here, &selection.after.effects, self.runs)?;
                 break;
             }

@@ -1,8 +1,10 @@
 //! What no known effect explains: where it acts and what it depends on.
 
 use crate::contest::{Contest, GYRO, Refined, Shaken};
+use crate::hypothesis::OUTSIDE;
 use crate::measured::Run;
 use crate::sensitivity::Column;
+use crate::verdict::Cause;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
 use rayon::prelude::*;
@@ -30,8 +32,13 @@ pub struct Unexplained {
     pub depends_on: Vec<(String, f64)>,
 }
 
-/// Looks at what is left of a fit.
-pub(crate) fn describe(contest: &Contest, refined: &Refined, runs: &[Run]) -> Result<Unexplained, ModelError> {
+/// Looks at what is left of a fit; these fitted it better than any known effect.
+pub(crate) fn describe(
+    contest: &Contest,
+    refined: &Refined,
+    outside: &[Cause],
+    runs: &[Run],
+) -> Result<Unexplained, ModelError> {
     let left = contest.unexplained(&refined.residuals, &refined.nuisance);
     let floats = !contest.trial.plant.base.clamped;
     let (closing, closing_share) = if floats { closing(contest, refined, &left)? } else { (Vec::new(), 0.0) };
@@ -44,6 +51,8 @@ pub(crate) fn describe(contest: &Contest, refined: &Refined, runs: &[Run]) -> Re
         depends_on.extend(place_and_speed(&closing, runs));
     }
     depends_on.retain(|(_, share)| *share > WORTH_SAYING);
+    let excess = (refined.chi2 - refined.freedom).max(1.0);
+    depends_on.extend(outside.iter().map(|law| (words(&law.effect), (law.gain / excess).min(1.0))));
     let air = contest.air(refined);
     if air.is_too_strong() {
         let (axis, times) = air.strongest();
@@ -64,7 +73,21 @@ pub(crate) fn describe(contest: &Contest, refined: &Refined, runs: &[Run]) -> Re
         }
         _ => worst,
     };
-    Ok(Unexplained { mean_square: refined.chi2 / refined.freedom.max(1.0), worst, closing, depends_on })
+    Ok(Unexplained { mean_square: refined.mean_square(), worst, closing, depends_on })
+}
+
+/// A law that no effect of the catalogue has.
+fn words(law: &Effect) -> String {
+    let joint = law.channel().and_then(|c| c.strip_prefix("joint_torque_")?.strip_suffix("_by_rate"));
+    match joint {
+        Some(joint) => {
+            format!(
+                "the square of the rate of joint {joint}: a torque against it of {:.4} N m s2/rad2",
+                law.values()[0]
+            )
+        }
+        None => law.to_string(),
+    }
 }
 
 /// Columns of a force or torque that the catalogue has no cause for.
@@ -74,7 +97,7 @@ fn columns(
     channel: &str,
     values: [f64; 4],
 ) -> Result<Option<Column>, ModelError> {
-    let Ok(effect) = Effect::new("unmodelled") else { return Ok(None) };
+    let Ok(effect) = Effect::new(OUTSIDE) else { return Ok(None) };
     let mut effects = refined.effects.clone();
     effects.push(effect.on(channel).with(&values));
     let after = contest.evidence.residuals(&contest.trial_with(&effects), &contest.evidence.cells)?;

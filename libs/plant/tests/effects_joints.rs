@@ -215,6 +215,15 @@ fn an_unmodelled_joint_torque_swings_in_time() {
 }
 
 #[test]
+fn an_unmodelled_joint_torque_by_rate_resists_with_its_square() {
+    let mut simulation =
+        swinging(&[effect("unmodelled", &[("strength", 0.3)]).on("joint_torque_1_by_rate")], 0.0, -0.8);
+    simulation.step(2.0);
+    // I qd' = -k |qd| qd has qd(t) = qd(0) / (1 + k |qd(0)| t / I).
+    close(rate(&simulation), -0.8 / (1.0 + 0.3 * 0.8 * 2.0 / ONE_LINK_INERTIA), 1e-6);
+}
+
+#[test]
 fn an_elastic_link_is_two_links_with_a_sprung_joint_between() {
     let mut plant = one_link();
     let half = fss_plant::Link {

@@ -20,29 +20,34 @@ const AS_FAR_AS_NEEDED: f64 = 1e3;
 const NEAR: f64 = 2.0;
 /// Causes taken at most: three of one arm are more likely one that was not found.
 pub(crate) const MOST_AT_ONCE: usize = 2;
-/// What another cause alone may leave more than the one that was found, and how many of them may be tried in its place.
-const NEARLY_AS_GOOD: f64 = 50.0;
+/// Share of what a lone cause takes off that another in its place must take off, as far as what is linear here tells, to be
+/// tried there; and how many of them are.
+const WORTH_TRYING: f64 = 0.25;
 const MOST_INSTEAD: usize = 3;
 /// Weight of what holds a parameter where it is nothing, over what the data weigh.
 const PINNED: f64 = 1e9;
 
-/// Causes with values to begin at.
-#[derive(Default)]
-pub(crate) struct Fewest {
-    pub(crate) causes: Vec<(usize, Effect)>,
-    /// Others that might stand in the place of one that was found alone.
-    pub(crate) instead: Vec<(usize, Effect)>,
+/// Causes, and where a descent beside them begins.
+#[derive(Clone)]
+pub(crate) struct Start {
+    pub(crate) hypotheses: Vec<usize>,
+    pub(crate) effects: Vec<Effect>,
+    /// How far from their file uncertain values are, standard deviations.
+    pub(super) off_file: Vec<f64>,
 }
 
 impl Contest {
-    /// The fewest causes that leave as little as everything together, begun at their values; none where not even that fits. The
-    /// plant is left where everything put it.
-    pub(crate) fn at_once(&mut self, file: &Plant) -> Result<Fewest, ModelError> {
+    /// The fewest causes that leave as little as everything together; where that is one, others that might stand in its place
+    /// after it. None where not even everything fits. The plant is left where everything put it.
+    pub(crate) fn at_once(&mut self, file: &Plant) -> Result<Vec<Start>, ModelError> {
         let own: Vec<usize> = (0..self.hypotheses.len()).filter(|h| self.is_loose(&self.hypotheses[*h])).collect();
         let nominal: Vec<Effect> = own.iter().map(|h| self.hypotheses[*h].nominal.clone()).collect();
-        let loose: Vec<f64> = nominal.iter().flat_map(|e| e.about().parameters).map(|p| p.scale).collect();
+        let scales = |(h, e): (&usize, &Effect)| {
+            e.about().parameters.iter().take(self.hypotheses[*h].parameters()).map(|p| p.scale)
+        };
+        let loose: Vec<f64> = own.iter().zip(&nominal).flat_map(scales).collect();
         let descent = Descent { hypotheses: &own, loose: &loose, farthest: AS_FAR_AS_NEEDED };
-        let Some(effects) = self.descended(&descent, &nominal, file)? else { return Ok(Fewest::default()) };
+        let Some(effects) = self.descended(&descent, &nominal, file)? else { return Ok(Vec::new()) };
         let point = self.point_here(&effects)?;
         let (normal, right) = self.pull_of_data(&own, &point)?;
         let off = self.off_nominal(&own, &effects);
@@ -61,7 +66,7 @@ impl Contest {
     ) -> Result<Option<Vec<Effect>>, ModelError> {
         let freedom: f64 = self.evidence.cells.iter().map(|c| c.freedom).sum();
         for units in UNITS {
-            self.begin_at(file, nominal)?;
+            self.begin_at(file, &[], nominal)?;
             let mut effects = nominal.to_vec();
             for unit in units {
                 self.set_unit(*unit);
@@ -84,7 +89,7 @@ impl Contest {
     }
 
     /// Causes taken one after the other, each the one that leaves least, while that is worth a name.
-    fn fewest(&self, all: &Linear, own: &[usize], file: &Plant) -> Fewest {
+    fn fewest(&self, all: &Linear, own: &[usize], file: &Plant) -> Vec<Start> {
         let first = |k: usize| -> usize { own[..k].iter().map(|h| self.hypotheses[*h].size()).sum() };
         let coordinates = |candidate: usize| -> Vec<usize> {
             if candidate < all.uncertain {
@@ -103,40 +108,45 @@ impl Contest {
                 let values: Vec<f64> = values.map(|(nominal, i)| nominal + at[i]).collect();
                 let effect = hypothesis.with(&values);
                 // Where a linear answer is no value that the effect can have, it is no answer.
-                if effect.values() != values {
+                if effect.values()[..values.len()] != values {
                     return None;
                 }
                 (own[candidate - all.uncertain], effect)
             };
             self.is_worth_saying(hypothesis, &effect).then_some((hypothesis, effect))
         };
-        let mut taken: Vec<usize> = Vec::new();
-        let mut left = all.least(&[]).map_or(f64::INFINITY, |(left, _)| left);
+        // Where these causes alone put everything, and what they leave.
+        let with = |taken: &[usize]| -> Option<(f64, Start)> {
+            let free: Vec<usize> = taken.iter().flat_map(|c| coordinates(*c)).collect();
+            let (left, at) = all.least(&free)?;
+            let causes: Option<Vec<(usize, Effect)>> = taken.iter().map(|c| cause(*c, &at)).collect();
+            let (hypotheses, effects) = causes?.into_iter().unzip();
+            // What became a cause stands where its file has it.
+            let off_file = (0..all.uncertain).map(|i| if taken.contains(&i) { 0.0 } else { at[i] }).collect();
+            Some((left, Start { hypotheses, effects, off_file }))
+        };
+        let candidates = 0..all.uncertain + own.len();
+        let Some((nothing, mut start)) = with(&[]) else { return Vec::new() };
+        let (mut taken, mut left) = (Vec::new(), nothing);
         while taken.len() < MOST_AT_ONCE {
             let beside = |candidate: usize| {
-                let free: Vec<usize> = taken.iter().chain([&candidate]).flat_map(|c| coordinates(*c)).collect();
-                let (less, at) = all.least(&free)?;
-                let (_, effect) = cause(candidate, &at)?;
-                (left - less > self.least_gain(&effect) * self.unit).then_some((candidate, less))
+                let more: Vec<usize> = taken.iter().copied().chain([candidate]).collect();
+                let (less, start) = with(&more)?;
+                let insists = left - less > self.least_gain(start.effects.last()?) * self.unit;
+                insists.then_some((less, start, more))
             };
-            let candidates = (0..all.uncertain + own.len()).filter(|c| !taken.contains(c));
-            let Some((best, less)) = candidates.filter_map(beside).min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-            taken.push(best);
-            left = less;
+            let more = candidates.clone().filter(|c| !taken.contains(c)).filter_map(beside);
+            let Some(best) = more.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            (left, start, taken) = best;
         }
-        let free: Vec<usize> = taken.iter().flat_map(|c| coordinates(*c)).collect();
-        let Some((least, at)) = all.least(&free) else { return Fewest::default() };
-        let alone = |candidate: usize| {
-            let (less, at) = all.least(&coordinates(candidate))?;
-            Some((less, cause(candidate, &at)?)).filter(|_| less - least < NEARLY_AS_GOOD * self.unit)
-        };
-        let others = (0..all.uncertain + own.len()).filter(|c| taken.len() == 1 && !taken.contains(c));
-        let mut instead: Vec<(f64, (usize, Effect))> = others.filter_map(alone).collect();
+        if taken.len() != 1 {
+            return if taken.is_empty() { Vec::new() } else { vec![start] };
+        }
+        let others = candidates.filter(|c| !taken.contains(c)).filter_map(|c| with(&[c]));
+        let mut instead: Vec<(f64, Start)> =
+            others.filter(|(less, _)| nothing - less > WORTH_TRYING * (nothing - left)).collect();
         instead.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Fewest {
-            causes: taken.iter().filter_map(|c| cause(*c, &at)).collect(),
-            instead: instead.into_iter().take(MOST_INSTEAD).map(|(_, cause)| cause).collect(),
-        }
+        std::iter::once(start).chain(instead.into_iter().take(MOST_INSTEAD).map(|(_, start)| start)).collect()
     }
 }
 

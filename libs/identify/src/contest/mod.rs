@@ -13,19 +13,18 @@ mod swing;
 mod take;
 mod weigh;
 
-pub(crate) use at_once::{Fewest, MOST_AT_ONCE};
+pub(crate) use at_once::MOST_AT_ONCE;
 pub(crate) use noise::{GYRO, Shaken};
 pub(crate) use refine::Refined;
+pub(crate) use rules::DOUBTFUL;
 pub(crate) use screen::Screened;
 pub(crate) use select::{MOST_CAUSES, Selection};
 
-use crate::diagnosis::DOUBTFUL;
 use crate::evidence::Evidence;
 use crate::hypothesis::{Hypothesis, hypotheses};
 use crate::measured::Run;
 use crate::misfit::Windows;
 use crate::normal::Normal;
-use crate::search::mean_square;
 use crate::sensitivity::{Column, normals};
 use crate::tolerance::tolerance;
 use crate::trial::Trial;
@@ -168,7 +167,7 @@ impl Contest {
     pub(crate) fn is_far_off(&self, nothing: &Refined) -> bool {
         let farthest =
             self.off_file(&nothing.nuisance).iter().take(self.uncertain.len()).fold(0.0, |a: f64, b| a.max(b.abs()));
-        mean_square(nothing) > DOUBTFUL || farthest > FARTHEST
+        nothing.mean_square() > DOUBTFUL || farthest > FARTHEST
     }
 
     /// Number of columns in the screen.

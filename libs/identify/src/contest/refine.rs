@@ -52,6 +52,11 @@ pub(crate) struct Refined {
 }
 
 impl Refined {
+    /// What is left, in units of what noise leaves.
+    pub(crate) fn mean_square(&self) -> f64 {
+        self.chi2 / self.freedom.max(1.0)
+    }
+
     /// Which of the columns are a cause's own.
     pub(super) fn columns_of(&self, which: usize) -> Range<usize> {
         let first: usize = self.fitted[..which].iter().sum();
@@ -127,8 +132,7 @@ impl Contest {
         let all: Vec<usize> = (0..columns.len()).collect();
         let covariance = reduced.normal.fit(&all).covariance;
         let clear = self.clear_of(&columns, &reduced.by_column);
-        let is_discrete = |h: &usize| self.hypotheses[*h].is_discrete;
-        let fitted = hypotheses.iter().zip(&now.effects).map(|(h, e)| parameters(is_discrete(h), e)).collect();
+        let fitted = hypotheses.iter().map(|h| self.hypotheses[*h].parameters()).collect();
         Ok(Refined {
             hypotheses: hypotheses.to_vec(),
             effects: now.effects,
@@ -184,12 +188,12 @@ impl Contest {
         let mut steps = step.iter();
         let moved = |(h, effect): (&usize, &Effect)| {
             let hypothesis = &self.hypotheses[*h];
-            let count = parameters(hypothesis.is_discrete, effect);
             let with = |(v, by): (&f64, &f64)| {
                 // A stiffness is fitted by its inverse.
                 if hypothesis.is_compliance() { 1.0 / (1.0 / v + by).max(1e-6) } else { v + by }
             };
-            let values: Vec<f64> = effect.values()[..count].iter().zip(steps.by_ref()).map(with).collect();
+            let values: Vec<f64> =
+                effect.values()[..hypothesis.parameters()].iter().zip(steps.by_ref()).map(with).collect();
             let moved = hypothesis.with(&values);
             match effect.onset_s() {
                 Some(onset_s) => moved.from_onset(onset_s),
@@ -204,7 +208,7 @@ impl Contest {
         let mut columns = Vec::new();
         for (k, (h, effect)) in hypotheses.iter().zip(&at.effects).enumerate() {
             let hypothesis = &self.hypotheses[*h];
-            for i in 0..parameters(hypothesis.is_discrete, effect) {
+            for i in 0..hypothesis.parameters() {
                 let about = &effect.about().parameters[i];
                 let value = effect.values()[i];
                 let mut step = (0.02 * about.scale)
@@ -258,9 +262,4 @@ impl Contest {
         effects[which] = effects[which].clone().from_onset(best.0);
         self.refine(&from.hypotheses, &effects)
     }
-}
-
-/// How many parameters are fitted.
-fn parameters(is_discrete: bool, effect: &Effect) -> usize {
-    if is_discrete { 0 } else { effect.values().len() }
 }

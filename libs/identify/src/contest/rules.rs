@@ -28,6 +28,8 @@ const LEAST_LATENCY_BESIDE_COMMANDS_S: f64 = 2.0 * LATENCY_BESIDE_COMMANDS_S;
 /// And the share of what is still unexplained.
 const LEAST_SHARE: f64 = 0.12;
 const LEAST_SHARE_OF_ONSET: f64 = 0.4;
+/// Mean square beyond which names are given only to what explains most of the misfit.
+pub(crate) const DOUBTFUL: f64 = 2.0;
 /// Mean square up to which nothing counts as unexplained there.
 const NEARLY_ALL: f64 = 1.25;
 /// What a left-out run must keep of the gain.
@@ -150,7 +152,7 @@ fn stands_apart(refined: &Refined, which: usize) -> bool {
 
 /// What noise and everything unexplained make of one degree of freedom.
 pub(super) fn unit(refined: &Refined) -> f64 {
-    (refined.chi2 / refined.freedom.max(1.0)).max(0.8)
+    refined.mean_square().max(0.8)
 }
 
 #[cfg(test)]

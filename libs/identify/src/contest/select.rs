@@ -211,11 +211,20 @@ impl Contest {
         Ok(after)
     }
 
-    fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
-        let keep = |i: &usize| *i != which;
-        let hypotheses: Vec<usize> = (0..from.hypotheses.len()).filter(keep).map(|i| from.hypotheses[i]).collect();
-        let effects: Vec<Effect> = (0..from.effects.len()).filter(keep).map(|i| from.effects[i].clone()).collect();
+    /// Some of the causes taken, the others gone.
+    pub(crate) fn only(
+        &self,
+        taken: &Refined,
+        is_kept: impl Fn(usize, &Effect) -> bool,
+    ) -> Result<Refined, ModelError> {
+        let all = taken.hypotheses.iter().zip(&taken.effects).enumerate();
+        let kept = all.filter(|(i, (_, effect))| is_kept(*i, effect)).map(|(_, (h, effect))| (*h, effect.clone()));
+        let (hypotheses, effects): (Vec<usize>, Vec<Effect>) = kept.unzip();
         if hypotheses.is_empty() { self.nothing() } else { self.refine(&hypotheses, &effects) }
+    }
+
+    fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
+        self.only(from, |i, _| i != which)
     }
 
     /// A cause among several whose size is not known well enough to say that it is there; windows that disagree about it

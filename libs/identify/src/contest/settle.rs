@@ -4,6 +4,7 @@
 //! hundred times less than that makes in seconds. So the plant moves to where its uncertain values fit best, and is linearized
 //! anew there; how far it has come from its file still costs what it did.
 
+use super::at_once::Start;
 use super::refine::Point;
 use super::{Contest, Order, Refined};
 use crate::evidence::Cell;
@@ -69,7 +70,7 @@ impl Contest {
     ) -> Result<Vec<Effect>, ModelError> {
         let mut effects = effects.to_vec();
         for _ in 0..DESCENTS {
-            self.begin_at(file, &effects)?;
+            self.begin_at(file, &[], &effects)?;
             let before = std::mem::take(&mut effects);
             effects = self.descend(&Descent::beside(hypotheses), &before)?;
             if are_alike(&effects, &before) {
@@ -81,21 +82,24 @@ impl Contest {
         Ok(effects)
     }
 
-    /// A cause alone, with uncertain values settled beside it.
-    pub(crate) fn settled_alone(
-        &mut self,
-        (hypothesis, effect): &(usize, Effect),
-        file: &Plant,
-        runs: &[Run],
-    ) -> Result<Refined, ModelError> {
-        let effects = self.settle_anew(&[*hypothesis], std::slice::from_ref(effect), file, runs)?;
+    /// The same from a start that is near.
+    pub(crate) fn settle_from(&mut self, start: &Start, file: &Plant, runs: &[Run]) -> Result<Refined, ModelError> {
+        self.begin_at(file, &start.off_file, &start.effects)?;
+        let effects = self.descend(&Descent::beside(&start.hypotheses), &start.effects)?;
+        self.evidence.settle(&self.trial)?;
+        self.linearize_all(runs)?;
         self.centre(&effects, &[])?;
-        self.refine(&[*hypothesis], &effects)
+        self.refine(&start.hypotheses, &effects)
     }
 
-    pub(super) fn begin_at(&mut self, file: &Plant, effects: &[Effect]) -> Result<(), ModelError> {
+    /// The plant with its uncertain values so far from its file, standard deviations; of those that are not told, none.
+    pub(super) fn begin_at(&mut self, file: &Plant, off_file: &[f64], effects: &[Effect]) -> Result<(), ModelError> {
         self.trial.plant.clone_from(file);
         self.moved.fill(0.0);
+        for (k, (uncertain, off)) in self.uncertain.iter().zip(off_file).enumerate() {
+            self.moved[k] = off.clamp(-FARTHEST, FARTHEST);
+            self.trial.plant = uncertain.moved(&self.trial.plant, self.moved[k]);
+        }
         self.evidence.settle(&self.trial_with(effects))?;
         self.linearize(effects, &[])
     }
@@ -191,7 +195,9 @@ impl Contest {
     /// How far the causes' parameters are from where they do nothing.
     pub(super) fn off_nominal(&self, hypotheses: &[usize], effects: &[Effect]) -> Vec<f64> {
         let off = |(h, effect): (&usize, &Effect)| -> Vec<f64> {
-            effect.values().iter().zip(self.hypotheses[*h].nominal.values()).map(|(v, nominal)| v - nominal).collect()
+            let hypothesis = &self.hypotheses[*h];
+            let both = effect.values().iter().zip(hypothesis.nominal.values());
+            both.take(hypothesis.parameters()).map(|(v, nominal)| v - nominal).collect()
         };
         hypotheses.iter().zip(effects).flat_map(off).collect()
     }

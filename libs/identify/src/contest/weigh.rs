@@ -94,7 +94,7 @@ impl Contest {
             }
             let (values, nominal) = (effect.values(), hypothesis.nominal.values());
             // The first parameter of an effect with a shape is its strength; the others are sizes themselves.
-            let counted = if hypothesis.has_shape { 1 } else { values.len() };
+            let counted = if hypothesis.has_shape { 1 } else { own.len() };
             let unsaid = effect.onset_s().and_then(|_| unsaid(hypothesis, &self.trial.plant)).unwrap_or_default();
             let away = |k: usize| {
                 let off = if hypothesis.is_compliance() { 1.0 / values[k] } else { values[k] - nominal[k] };

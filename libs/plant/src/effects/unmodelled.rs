@@ -3,7 +3,8 @@
 //! The diagnosis says so with a channel and words; in a simulation the channels `base_force`,
 //! `base_torque` and `joint_torque_1`.. act as strength sin(2 pi frequency t + phase). Where a channel ends with
 //! `_by_place`, the way of the base along the direction (m) stands for the time; `base_torque_by_heading` counts the
-//! base's turns, `joint_torque_1_by_angle`.. the joint's. All others only describe.
+//! base's turns, `joint_torque_1_by_angle`.. the joint's. `joint_torque_1_by_rate`.. resists as the strength times the
+//! square of the joint's rate, N m s2/rad2. All others only describe.
 
 use crate::effect::Effect;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
@@ -45,11 +46,16 @@ impl EffectKind for Unmodelled {
                 physics.base_laws.push(BaseLaw { law: torque_by_heading, values: effect.padded() });
             }
             Some(channel) => {
-                let by_angle = channel.strip_suffix("_by_angle");
-                let joint = by_angle.unwrap_or(channel).strip_prefix("joint_torque_");
-                let joint = joint.and_then(|n| n.parse::<usize>().ok()).and_then(|n| n.checked_sub(1));
+                let Some(of_joint) = channel.strip_prefix("joint_torque_") else { return };
+                let (joint, by) = of_joint.split_once("_by_").unwrap_or((of_joint, "time"));
+                let law = match by {
+                    "angle" => joint_torque_by_angle,
+                    "rate" => joint_torque_by_rate,
+                    "time" => joint_torque,
+                    _ => return,
+                };
+                let joint = joint.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
                 if let Some(joint) = joint.filter(|j| *j < physics.joints.len()) {
-                    let law = if by_angle.is_some() { joint_torque_by_angle } else { joint_torque };
                     physics.joint_laws.push(JointLaw { joint, law, values: effect.padded() });
                 }
             }
@@ -89,4 +95,8 @@ fn joint_torque(p: &[f64; MAX_PARAMETERS], t_s: f64, _q_rad: f64, _qd_rad_s: f64
 
 fn joint_torque_by_angle(p: &[f64; MAX_PARAMETERS], _t_s: f64, q_rad: f64, _qd_rad_s: f64) -> f64 {
     sine(p, q_rad / std::f64::consts::TAU)
+}
+
+fn joint_torque_by_rate(p: &[f64; MAX_PARAMETERS], _t_s: f64, _q_rad: f64, qd_rad_s: f64) -> f64 {
+    -p[0] * qd_rad_s.abs() * qd_rad_s
 }
