@@ -151,6 +151,8 @@ impl Contest {
             let alike = near.iter().enumerate().filter(|(i, _)| cosines[(0, i + 1)] > ALIKE).map(|(_, s)| *s);
             chosen.extend(alike.take(most - contestants));
         }
+        let clock = self.clock_of_links(taken, &chosen, screen);
+        chosen.extend(clock.as_ref());
         let begin = |s: &&Screened| -> Option<Refined> {
             let mut hypotheses = taken.hypotheses.clone();
             hypotheses.push(s.hypothesis);
@@ -163,6 +165,19 @@ impl Contest {
         let mut all = self.fitted_to_the_end(begun, taken.chi2)?;
         all.sort_by(|a, b| Self::cost(a).total_cmp(&Self::cost(b)));
         Ok(all)
+    }
+
+    /// The clock of all links' telemetry, where one of them seems late and the clock is not tried already: so far from where it
+    /// does nothing, what it gains is not in proportion, and links that are late one by one would be taken for it.
+    fn clock_of_links(&self, taken: &Refined, chosen: &[&Screened], screen: &[Screened]) -> Option<Screened> {
+        let is_clock = |e: &Effect| e.id() == "clock_offset" && e.channel() == Some("joints");
+        let late = chosen.iter().find(|s| s.effect.id() == "link_latency")?;
+        if chosen.iter().map(|s| &s.effect).chain(&taken.effects).any(is_clock) {
+            return None;
+        }
+        let clock = screen.iter().find(|s| is_clock(&s.effect))?;
+        let offset_s = late.effect.values()[0] - self.hypotheses[late.hypothesis].nominal.values()[0];
+        Some(Screened { effect: clock.effect.clone().with(&[offset_s]), ..clock.clone() })
     }
 
     /// Contestants, those that may win fitted to the end; `chi2` is what is left without any.
