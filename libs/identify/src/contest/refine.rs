@@ -17,6 +17,9 @@ const ROUNDS_AT_FIRST: usize = 2;
 /// is far from the noise and a round is dear.
 const LEAST_STEP: f64 = 0.5;
 const LEAST_STEP_SHARE_IF_CHAOTIC: f64 = 1e-4;
+/// A last step that gains less than this share of that is not worth taking. One that gains half of it is: where priors alone tell two
+/// clocks of a millisecond apart, that is half a millisecond.
+const IDLE_STEP: f64 = 0.05;
 
 /// Share of a drive's stiffness over which what it does is differenced: from a few times this on, swings are no matter of proportion.
 const COMPLIANCE_STEP: f64 = 2e-3;
@@ -116,15 +119,17 @@ impl Contest {
             let all: Vec<usize> = (0..columns.len()).collect();
             let fit = reduced.normal.fit(&all);
             let least = self.least_step(reduced.normal.c);
-            if fit.gain < least {
+            if fit.gain < IDLE_STEP * least {
                 break;
             }
             let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c) else { break };
-            let gain = reduced.normal.c - better;
+            let is_last = reduced.normal.c - better < least;
             now = next;
-            columns = self.columns_at(hypotheses, &now)?;
+            if !is_last {
+                columns = self.columns_at(hypotheses, &now)?;
+            }
             reduced = self.reduce(&now.residuals, &columns);
-            if gain < least {
+            if is_last {
                 break;
             }
             is_settled = false;
