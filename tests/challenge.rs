@@ -116,9 +116,15 @@ impl Flown {
 
     /// Diagnoses them with a plant file; the answer is in a folder beside.
     fn diagnosed(&self, plant: &str, out: &str) -> serde_json::Value {
+        self.diagnosed_and(&[], plant, out)
+    }
+
+    /// The same with runs that are kept out of the fit.
+    fn diagnosed_and(&self, validation: &[String], plant: &str, out: &str) -> serde_json::Value {
         let (plant, out) = (self.folder.path().join(plant), self.folder.path().join(out));
         let mut words = vec!["diagnose"];
         words.extend(self.runs.iter().map(String::as_str));
+        words.extend(validation.iter().flat_map(|run| ["--validate", run]));
         words.extend(["--plant", plant.to_str().unwrap(), "--out", out.to_str().unwrap()]);
         succeed(&words);
         json(&out.join("diagnosis.json"))
@@ -171,6 +177,38 @@ fn of_a_joint_that_rests_nothing_is_said_of_its_motor() {
     assert_eq!(answer["causes"].as_array().unwrap().len(), 0, "{answer}");
     let remarks = answer["remarks"].to_string();
     assert!(remarks.contains("joints that hardly move in any run: 1, 2, 3, 4"), "{remarks}");
+}
+
+/// Nothing of the catalogue turns a base to and fro with the clock: a term without a name does, where it holds for other runs too.
+#[test]
+fn an_empirical_term_is_taken_only_where_it_predicts_other_runs() {
+    let shaken = |phase_rad: f64| {
+        let law = "id = \"unmodelled\"\nchannel = \"base_torque\"\nfrequency_Hz = 0.3\nstrength = 0.1";
+        format!("{law}\nphase_rad = {phase_rad}")
+    };
+    let flown = Flown::with(&shaken(0.5), &["coast", "thrusters"]);
+    let alike = Flown::of_seed("2", &shaken(0.5), &["validation"]);
+    let answer = flown.diagnosed_and(&alike.runs, "plant.toml", "out");
+    assert_eq!((&answer["verdict"], &answer["causes"]), (&"unexplained".into(), &serde_json::json!([])), "{answer}");
+    let laws = answer["empirical"].as_array().expect("a term");
+    let torque = laws.iter().find(|law| law["channel"] == "base_torque").expect("a torque");
+    for (parameter, truth) in [("strength", 0.1), ("frequency_Hz", 0.3)] {
+        assert!((torque[parameter].as_f64().unwrap() / truth - 1.0).abs() < 0.05, "{parameter} in {torque}");
+    }
+    assert_eq!(torque["from"], 0.0, "{torque}");
+    assert!((38.0..45.0).contains(&torque["to"].as_f64().unwrap()), "it ends with the runs it was fitted to: {torque}");
+    let gain = |when: &str| answer["gain"][when].as_f64().unwrap();
+    assert!(gain("ratio_before") > 3.0 && gain("ratio_after") < 1.0, "{}", answer["gain"]);
+    // The extended model is a plant like another: flown in, and known, nothing is left.
+    let extended = flown.folder.path().join("out/extended.toml");
+    assert!(std::fs::read_to_string(&extended).unwrap().contains("empirical: no known cause"));
+    fly_in(Some(&extended), "coast", "3", alike.folder.path());
+    let again = flown.diagnosed("out/extended.toml", "again");
+    assert_eq!(again["verdict"], "consistent", "{again}");
+
+    let unlike = Flown::of_seed("2", &shaken(2.5), &["validation"]);
+    let other = flown.diagnosed_and(&unlike.runs, "plant.toml", "other");
+    assert_eq!((&other["verdict"], &other["empirical"]), (&"unexplained".into(), &serde_json::Value::Null), "{other}");
 }
 
 #[test]

@@ -187,4 +187,11 @@ fn a_law_outside_the_catalogue_is_not_named_after_one_inside() {
     assert_eq!(found(&diagnosis, "strength"), []);
     let words = diagnosis["unexplained"]["depends_on"].to_string();
     assert!(words.contains("square of the rate of joint 1: a torque against it of 0.0030 N m s2/rad2"), "{words}");
+    // No cause, but it predicts another run: the extended model has it, as fast as the fitted runs were and no faster.
+    let law = &diagnosis["empirical"][0];
+    let value = |parameter: &str| law[parameter].as_f64().unwrap();
+    assert!((value("strength") / 0.003 - 1.0).abs() < 0.1, "{law}");
+    assert!(value("from") < -5.0 && value("to") > 5.0 && value("to") < 20.0, "{law}");
+    let gain = |when: &str| diagnosis["gain"][when].as_f64().unwrap();
+    assert!(gain("ratio_before") > 100.0 && gain("ratio_after") < 2.0, "{}", diagnosis["gain"]);
 }

@@ -61,8 +61,13 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
     std::fs::create_dir_all(&args.out)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot make {}", args.out.display()))?;
+    let term = if diagnosis.empirical.is_empty() {
+        ""
+    } else {
+        "# No known effect explains the rest: what is called unmodelled is empirical, and acts only where the fitted runs were.\n"
+    };
     let extended = format!(
-        "# Made by fss diagnose from {}: uncertain values as the data settle them, and the causes asserted.\n{}",
+        "# Made by fss diagnose from {}: uncertain values as the data settle them, and the causes asserted.\n{term}{}",
         args.plant.display(),
         diagnosis.extended.to_toml().into_diagnostic()?
     );

@@ -1,21 +1,19 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
 use crate::contest::{Contest, Selection};
-use crate::evidence::Evidence;
+use crate::empirical::{of_joints, winner};
 use crate::hypothesis::OUTSIDE;
 use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
 use crate::measured::Run;
-use crate::misfit::{ChannelMisfit, Windows, of_run};
-use crate::prediction::predictive;
+use crate::misfit::{ChannelMisfit, Windows};
+use crate::prediction::{Data, Runs, overall, predictive};
 use crate::search::selected;
-use crate::trial::Trial;
 use crate::unexplained::{Unexplained, describe};
-use crate::verdict::{judge, nothing_asserted};
+use crate::verdict::{Judgement, judge, nothing_asserted};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
-use rayon::prelude::*;
 
 pub use crate::verdict::{Alternative, Cause, Verdict};
 
@@ -55,6 +53,8 @@ pub struct Diagnosis {
     pub confusability: Vec<Vec<f64>>,
     /// What is left unexplained.
     pub unexplained: Option<Unexplained>,
+    /// Laws in the extended plant that are no known effect's, where they predict the validation runs better.
+    pub empirical: Vec<Effect>,
     /// Misfit of the runs with the plant as given, uncertain values settled.
     pub before: Vec<ChannelMisfit>,
     /// Misfit of the runs with the extended model.
@@ -91,8 +91,7 @@ pub fn diagnose(
         return Ok(nothing_to_say(plant, remarks));
     }
     let mut selection = selected(&mut contest, plant, runs, progress)?;
-    let (runs_as_read, validation_as_read, moved) =
-        (runs, validation, masses_that_move(&selection.after.effects, runs));
+    let (as_read, moved) = (Runs { fitted: runs, validation }, masses_that_move(&selection.after.effects, runs));
     let anew = match &moved {
         Some(masses) => (carried_out(runs, plant, masses)?, carried_out(validation, plant, masses)?),
         None => (Vec::new(), Vec::new()),
@@ -103,10 +102,9 @@ pub fn diagnose(
         contest = Contest::new(plant, runs, windows)?;
         selection = selected(&mut contest, plant, runs, progress)?;
     }
-    let (mut verdict, mut causes, suspects) = judge(&contest, &selection);
-    let (outside, mut suspects): (Vec<Cause>, Vec<Cause>) = suspects.into_iter().partition(Cause::is_outside);
+    let mut judged = judge(&contest, &selection);
     let mut input_mismatch = Vec::new();
-    if matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
+    if judged.verdict.leaves_something() {
         progress("looking whether commands belong to their motion");
         input_mismatch = mismatches(&contest.trial_with(&selection.after.effects), runs, windows)?;
         let rest: Vec<Run> =
@@ -115,93 +113,82 @@ pub fn diagnose(
             return Ok(without(diagnose(plant, &rest, validation, progress)?, remarks, input_mismatch));
         }
         if !input_mismatch.is_empty() {
-            verdict = Verdict::Unexplained;
-            suspects.append(&mut causes);
+            judged.assert_nothing();
         }
     }
-    causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let data = Data { as_read, carried_out: Runs { fitted: runs, validation }, windows };
+    let concluded = conclude(&mut contest, &selection, judged, &data, progress)?;
+    Ok(Diagnosis { remarks, input_mismatch, ..concluded })
+}
+
+/// What the contest's judgement comes to, measured on runs that it has not seen.
+fn conclude(
+    contest: &mut Contest,
+    selection: &Selection,
+    judged: Judgement,
+    data: &Data,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
     progress("measuring the gain");
-    let misfit = |plant: &Plant, runs: &[Run]| misfit(plant, runs, windows);
-    // What makes the prediction of new runs worse explains the old ones only.
+    let Judgement { mut verdict, mut causes, mut suspects, outside } = judged;
+    causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let file = contest.settled(&selection.before.nuisance);
-    let kept = predictive(&file, &contest.settled(&selection.after.nuisance), &causes, &|p| misfit(p, validation))?;
+    let with_causes = contest.settled(&selection.after.nuisance);
+    // What makes the prediction of new runs worse explains the old ones only.
+    let kept = predictive(&file, &with_causes, &causes, data)?;
     if kept.len() < causes.len() {
         let (good, idle): (Vec<_>, Vec<_>) = causes.into_iter().enumerate().partition(|(i, _)| kept.contains(i));
         causes = good.into_iter().map(|(_, cause)| cause).collect();
         suspects.extend(idle.into_iter().map(|(_, cause)| cause));
         if causes.is_empty() {
-            verdict = nothing_asserted(&contest, &selection.before);
+            verdict = nothing_asserted(contest, &selection.before);
         }
     }
-    let asserted: Vec<Effect> = causes.iter().map(|c| c.effect.clone()).collect();
-    let settled = file;
-    let extended = if asserted.is_empty() {
-        settled.clone()
-    } else {
-        let mut extended = contest.settled(&selection.after.nuisance);
-        extended.effects.extend(asserted);
-        extended
-    };
-    let (before, after) = (misfit(&settled, runs_as_read)?, misfit(&extended, runs)?);
-    let (validation_before, validation_after) = (misfit(&settled, validation_as_read)?, misfit(&extended, validation)?);
-    let judged = if validation_before.is_empty() { [&before, &after] } else { [&validation_before, &validation_after] };
-    let gain = Gain { before: overall(judged[0]), after: overall(judged[1]) };
-    let judged = if validation.is_empty() { runs } else { validation };
-    let fitted = fitted_left(&extended, judged, windows)?.unwrap_or(f64::INFINITY);
-    let verdict = verdict.after_validation(fitted.min(gain.after.powi(2)));
-    let unexplained = match verdict {
-        Verdict::Unexplained | Verdict::PartlyExplained => {
-            progress("looking at what is left");
-            let seen = match verdict {
-                Verdict::Unexplained => &selection.before,
-                _ if outside.is_empty() => &selection.after,
-                _ => &contest.only(&selection.after, |_, effect| effect.id() != OUTSIDE)?,
-            };
-            Some(describe(&contest, seen, &outside, runs)?)
+    let mut extended = if causes.is_empty() { file.clone() } else { with_causes };
+    extended.effects.extend(causes.iter().map(|c| c.effect.clone()));
+    let (before, mut after) = (data.told_as_read(&file)?, data.told(&extended)?);
+    verdict = verdict.after_validation(data.left(&extended, after.judged())?);
+    let (ranking, confusability) = ranking(contest, selection);
+    let (mut unexplained, mut empirical) = (None, Vec::new());
+    if verdict.leaves_something() {
+        progress("looking at what is left");
+        let seen = match verdict {
+            Verdict::Unexplained => &selection.before,
+            _ if outside.is_empty() => &selection.after,
+            _ => &contest.only(&selection.after, |_, effect| effect.id() != OUTSIDE)?,
+        };
+        let fitted = data.carried_out.fitted;
+        let mut left = describe(contest, seen, &outside, fitted)?;
+        if !outside.is_empty() {
+            let is_kept = |e: &Effect| e.id() == OUTSIDE || causes.iter().any(|cause| cause.effect == *e);
+            let with_laws = contest.only(&selection.after, |_, e| is_kept(e))?;
+            left.terms.push(of_joints(&with_laws, &outside, fitted));
         }
-        _ => None,
-    };
-    let (ranking, confusability) = ranking(&contest, &selection);
-    let settled = contest
-        .uncertain
-        .iter()
-        .zip(contest.off_file(&selection.after.nuisance))
-        .map(|(u, z)| (u.name.clone(), z))
-        .collect();
+        if let Some((with_term, laws)) = winner(&left.terms, &seen.effects, contest, &extended, data)? {
+            (after, extended, empirical) = (data.told(&with_term)?, with_term, laws);
+        }
+        unexplained = Some(left);
+    }
+    let gain = Gain { before: overall(before.judged()), after: overall(after.judged()) };
+    let moved = contest.off_file(&selection.after.nuisance);
     Ok(Diagnosis {
-        remarks,
-        input_mismatch,
+        remarks: Vec::new(),
+        input_mismatch: Vec::new(),
         verdict,
         causes,
         suspects,
         ranking,
         confusability,
         unexplained,
-        before,
-        after,
-        validation_before,
-        validation_after,
+        empirical,
+        before: before.fitted,
+        after: after.fitted,
+        validation_before: before.validation,
+        validation_after: after.validation,
         gain,
-        settled,
+        settled: contest.uncertain.iter().zip(moved).map(|(u, z)| (u.name.clone(), z)).collect(),
         extended,
     })
-}
-
-/// Mean square that a plant leaves of a clamped arm's runs, each window's first state fitted: a few swings begun where they were
-/// measured tell more of that noise than of the plant.
-fn fitted_left(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Option<f64>, ModelError> {
-    if !plant.base.clamped {
-        return Ok(None);
-    }
-    let cells = Evidence::gather(&Trial::of(plant), runs, windows)?.cells;
-    let freedom: f64 = cells.iter().map(|cell| cell.freedom).sum();
-    Ok((freedom > 0.0).then(|| cells.iter().map(|cell| cell.residual.norm_squared()).sum::<f64>() / freedom))
-}
-
-/// How far runs are from a plant, channel by channel.
-fn misfit(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
-    let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, windows)).collect();
-    Ok(all?.into_iter().flatten().collect())
 }
 
 /// The diagnosis of the other runs, where some were left out: not everything is explained then.
@@ -222,6 +209,7 @@ fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
         ranking: Vec::new(),
         confusability: Vec::new(),
         unexplained: None,
+        empirical: Vec::new(),
         before: Vec::new(),
         after: Vec::new(),
         validation_before: Vec::new(),
@@ -251,10 +239,4 @@ fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f6
     let rows = (0..causes.len()).map(|i| (0..causes.len()).map(|j| cosines[(i, j)]).collect()).collect();
     let ranked = shown.iter().map(|s| Ranked { effect: s.effect.clone(), share: (s.gain / excess).clamp(0.0, 1.0) });
     (ranked.collect(), rows)
-}
-
-/// RMS of the ratios of all channels; those of unknown noise decide nothing.
-pub(crate) fn overall(misfits: &[ChannelMisfit]) -> f64 {
-    let ratios: Vec<f64> = misfits.iter().map(ChannelMisfit::ratio).filter(|r| r.is_finite()).collect();
-    (ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len().max(1) as f64).sqrt()
 }

@@ -15,9 +15,9 @@ mod clamped;
 pub mod commands;
 mod contest;
 pub mod diagnosis;
+mod empirical;
 mod evidence;
 mod floating;
-
 mod hypothesis;
 mod in_hand;
 mod in_motion;

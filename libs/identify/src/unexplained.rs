@@ -1,18 +1,14 @@
 //! What no known effect explains: where it acts and what it depends on.
 
 use crate::contest::{Contest, GYRO, Refined, Shaken};
+use crate::empirical::{Dependence, Term, columns, velocity};
 use crate::hypothesis::OUTSIDE;
 use crate::measured::Run;
-use crate::sensitivity::Column;
 use crate::verdict::Cause;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
-use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
-/// Periods that are looked for lie between these frequencies, Hz.
-const FREQUENCIES_HZ: [f64; 2] = [0.05, 2.0];
-const FREQUENCIES: usize = 24;
 /// A dependence that explains less than this share of the forces is none.
 const WORTH_SAYING: f64 = 0.5;
 
@@ -30,29 +26,47 @@ pub struct Unexplained {
     pub closing: Vec<Closing>,
     /// What it depends on, in words, and the share of the misfit that such a term would explain.
     pub depends_on: Vec<(String, f64)>,
+    /// Terms that would take some of it off the fitted runs.
+    pub(crate) terms: Vec<Term>,
 }
 
 /// Looks at what is left of a fit; these fitted it better than any known effect.
 pub(crate) fn describe(
-    contest: &Contest,
-    refined: &Refined,
+    contest: &mut Contest,
+    fit: &Refined,
     outside: &[Cause],
     runs: &[Run],
 ) -> Result<Unexplained, ModelError> {
-    let left = contest.unexplained(&refined.residuals, &refined.nuisance);
     let floats = !contest.trial.plant.base.clamped;
+    // The contest may have fitted the windows to other causes since.
+    let refined = if floats {
+        contest.centre(&fit.effects, &fit.hypotheses)?;
+        &contest.only(fit, |_, _| true)?
+    } else {
+        fit
+    };
+    let contest = &*contest;
+    let left = contest.unexplained(&refined.residuals, &refined.nuisance);
     let (closing, closing_share) = if floats { closing(contest, refined, &left)? } else { (Vec::new(), 0.0) };
     let mut depends_on = Vec::new();
     if closing_share > 0.0 {
         depends_on.push(("a force on the base that is steady within each window".to_owned(), closing_share));
     }
     if floats {
-        depends_on.extend(period(contest, refined)?);
         depends_on.extend(place_and_speed(&closing, runs));
     }
+    let excess = refined.chi2 - refined.freedom;
+    let share = |gain: f64| if excess > 0.0 { (gain / excess).min(1.0) } else { 0.0 };
+    let mut terms = Vec::new();
+    for dependence in Dependence::ALL.into_iter().filter(|_| floats) {
+        if let Some((frequency, term)) = dependence.term(contest, refined, runs)? {
+            let words = in_words(dependence, frequency, &term);
+            depends_on.extend(words.map(|words| (words, share(term.gain))));
+            terms.push(term);
+        }
+    }
     depends_on.retain(|(_, share)| *share > WORTH_SAYING);
-    let excess = (refined.chi2 - refined.freedom).max(1.0);
-    depends_on.extend(outside.iter().map(|law| (words(&law.effect), (law.gain / excess).min(1.0))));
+    depends_on.extend(outside.iter().map(|law| (words(&law.effect), share(law.gain))));
     let air = contest.air(refined);
     if air.is_too_strong() {
         let (axis, times) = air.strongest();
@@ -73,7 +87,7 @@ pub(crate) fn describe(
         }
         _ => worst,
     };
-    Ok(Unexplained { mean_square: refined.mean_square(), worst, closing, depends_on })
+    Ok(Unexplained { mean_square: refined.mean_square(), worst, closing, depends_on, terms })
 }
 
 /// A law that no effect of the catalogue has.
@@ -90,18 +104,14 @@ fn words(law: &Effect) -> String {
     }
 }
 
-/// Columns of a force or torque that the catalogue has no cause for.
-fn columns(
-    contest: &Contest,
-    refined: &Refined,
-    channel: &str,
-    values: [f64; 4],
-) -> Result<Option<Column>, ModelError> {
-    let Ok(effect) = Effect::new(OUTSIDE) else { return Ok(None) };
-    let mut effects = refined.effects.clone();
-    effects.push(effect.on(channel).with(&values));
-    let after = contest.evidence.residuals(&contest.trial_with(&effects), &contest.evidence.cells)?;
-    Ok(Some(refined.residuals.iter().zip(after).map(|(before, after)| (before - after) / values[0]).collect()))
+/// Forces along both axes and a torque that do not change.
+fn steady() -> Vec<Effect> {
+    let laws = [("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)];
+    let law = |(channel, direction_rad)| {
+        let effect = Effect::new(OUTSIDE).ok()?.on(channel);
+        Some(effect.with(&[1e-3, 0.0, direction_rad, FRAC_PI_2]))
+    };
+    laws.into_iter().filter_map(law).collect()
 }
 
 /// The steady force that closes each window, and the share of the excess that such forces take off.
@@ -110,15 +120,7 @@ fn closing(
     refined: &Refined,
     left: &[nalgebra::DVector<f64>],
 ) -> Result<(Vec<Closing>, f64), ModelError> {
-    let probes = [("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)];
-    let strength = 1e-3;
-    let all: Vec<Column> = probes
-        .iter()
-        .map(|(channel, direction)| columns(contest, refined, channel, [strength, 0.0, *direction, FRAC_PI_2]))
-        .collect::<Result<Vec<_>, _>>()?
-        .into_iter()
-        .flatten()
-        .collect();
+    let all = columns(contest, &refined.effects, &refined.residuals, &steady())?;
     let mut out = Vec::new();
     let (mut gain, mut excess) = (0.0, 0.0);
     for (i, cell) in contest.evidence.cells.iter().enumerate() {
@@ -133,43 +135,30 @@ fn closing(
     Ok((out, if excess > 0.0 { (gain / excess).min(1.0) } else { 0.0 }))
 }
 
-/// A periodic force or torque, if that explains much.
-fn period(contest: &Contest, refined: &Refined) -> Result<Option<(String, f64)>, ModelError> {
-    let excess = refined.chi2 - refined.freedom;
-    let gain_at = |frequency_hz: f64| -> Result<(f64, Vec<f64>), ModelError> {
-        let mut all = Vec::new();
-        for (channel, direction) in [("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)] {
-            for phase in [0.0, FRAC_PI_2] {
-                all.extend(columns(contest, refined, channel, [1e-3, frequency_hz, direction, phase])?);
-            }
+/// What a periodic term would do, in words.
+fn in_words(dependence: Dependence, frequency: f64, term: &Term) -> Option<String> {
+    let along = |channel: &str, direction_rad: f64| term.strength(channel, direction_rad);
+    Some(match dependence {
+        Dependence::Time => {
+            let (fx, fy) = (along("base_force", 0.0), along("base_force", FRAC_PI_2));
+            format!(
+                "time, with a period of {:.2} s ({frequency:.3} Hz): force {fx:.4} N along x, {fy:.4} N along y, torque {:.5} N m",
+                1.0 / frequency,
+                along("base_torque", 0.0)
+            )
         }
-        let count: Vec<usize> = (0..all.len()).collect();
-        let fit = contest.reduce(&refined.residuals, &all).normal.fit(&count);
-        Ok((fit.gain, fit.value.as_slice().to_vec()))
-    };
-    let [low, high] = FREQUENCIES_HZ;
-    let grid: Vec<f64> =
-        (0..FREQUENCIES).map(|k| low * (high / low).powf(k as f64 / (FREQUENCIES - 1) as f64)).collect();
-    let tried: Result<Vec<_>, ModelError> = grid.par_iter().map(|f| gain_at(*f).map(|(g, v)| (*f, g, v))).collect();
-    let Some(mut best) = tried?.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(None) };
-    // The record is long: the period is sharper than the grid.
-    let mut reach = (high / low).powf(1.0 / (FREQUENCIES - 1) as f64);
-    for _ in 0..5 {
-        let near = [1.0 / reach, 1.0 / reach.sqrt(), reach.sqrt(), reach].map(|r| best.0 * r);
-        let finer: Result<Vec<_>, ModelError> = near.par_iter().map(|f| gain_at(*f).map(|(g, v)| (*f, g, v))).collect();
-        best = finer?.into_iter().chain(std::iter::once(best)).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
-        reach = reach.sqrt();
-    }
-    let (frequency_hz, gain, v) = best;
-    if v.len() < 6 || excess <= 0.0 {
-        return Ok(None);
-    }
-    let (fx, fy, torque) = (v[0].hypot(v[1]), v[2].hypot(v[3]), v[4].hypot(v[5]));
-    let text = format!(
-        "time, with a period of {:.2} s ({frequency_hz:.3} Hz): force {fx:.4} N along x, {fy:.4} N along y, torque {torque:.5} N m",
-        1.0 / frequency_hz
-    );
-    Ok(Some((text, (gain / excess).min(1.0))))
+        Dependence::Place => format!(
+            "the place on the table, with a wave of {:.3} m: force {:.4} N along x, {:.4} N along y",
+            1.0 / frequency,
+            along("base_force_by_place", 0.0),
+            along("base_force_by_place", FRAC_PI_2)
+        ),
+        Dependence::Heading => format!(
+            "the heading of the base, {frequency:.2} times a turn: torque {:.5} N m",
+            along("base_torque_by_heading", 0.0)
+        ),
+        Dependence::Velocity => return None,
+    })
 }
 
 /// The base in the middle of a window, and the force that would close it.
@@ -185,10 +174,7 @@ fn place_and_speed(closing: &[Closing], runs: &[Run]) -> Vec<(String, f64)> {
     for (name, t_s, force) in closing {
         let Some(poses) = runs.iter().find(|r| r.name == *name).and_then(|r| r.base_pose.as_ref()) else { continue };
         let k = poses.t_s.partition_point(|t| t < t_s).min(poses.t_s.len() - 1);
-        let (a, b) = (k.saturating_sub(25), (k + 25).min(poses.t_s.len() - 1));
-        let dt = (poses.t_s[b] - poses.t_s[a]).max(1e-6);
-        let rate = |i: usize| (poses.values[b][i] - poses.values[a][i]) / dt;
-        rows.push(Window { pose: poses.values[k], velocity: [rate(0), rate(1), rate(2)], force: *force });
+        rows.push(Window { pose: poses.values[k], velocity: velocity(poses, k), force: *force });
     }
     let share = |features: fn(&Window) -> Vec<f64>| determination(&rows, features);
     vec![

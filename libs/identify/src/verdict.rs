@@ -45,6 +45,11 @@ impl Verdict {
         }
     }
 
+    /// Whether it leaves something that no known effect explains.
+    pub(crate) fn leaves_something(self) -> bool {
+        matches!(self, Self::Unexplained | Self::PartlyExplained)
+    }
+
     /// What explains the runs that were fitted must explain others too: there nothing has counted for noise that is none.
     pub(crate) fn after_validation(self, left: f64) -> Self {
         match self {
@@ -94,8 +99,32 @@ pub struct Alternative {
     pub probability: f64,
 }
 
-/// Verdict, asserted causes, suspects.
-pub(crate) fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<Cause>, Vec<Cause>) {
+/// What a contest comes to.
+pub(crate) struct Judgement {
+    pub(crate) verdict: Verdict,
+    /// What is asserted.
+    pub(crate) causes: Vec<Cause>,
+    /// What fitted best, but is not.
+    pub(crate) suspects: Vec<Cause>,
+    /// Laws that fitted best and are no known effect's.
+    pub(crate) outside: Vec<Cause>,
+}
+
+impl Judgement {
+    fn new(verdict: Verdict, causes: Vec<Cause>, doubtful: Vec<Cause>) -> Self {
+        let (outside, suspects) = doubtful.into_iter().partition(Cause::is_outside);
+        Self { verdict, causes, suspects, outside }
+    }
+
+    /// Takes every assertion back.
+    pub(crate) fn assert_nothing(&mut self) {
+        self.verdict = Verdict::Unexplained;
+        self.suspects.append(&mut self.causes);
+    }
+}
+
+/// Judges what a contest selected.
+pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
     let all: Vec<Cause> = selection
         .taken
         .iter()
@@ -115,12 +144,12 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<C
     let left = selection.after.mean_square();
     let air = contest.air(&selection.after);
     if all.iter().all(|cause| cause.is_there() < EVEN) {
-        return (nothing_asserted(contest, &selection.before), Vec::new(), all);
+        return Judgement::new(nothing_asserted(contest, &selection.before), Vec::new(), all);
     }
     let excess = selection.before.chi2 - selection.before.freedom;
     let share = if excess > 0.0 { (selection.before.chi2 - selection.after.chi2) / excess } else { 1.0 };
     if left > DOUBTFUL && share < MOST {
-        return (Verdict::Unexplained, Vec::new(), all);
+        return Judgement::new(Verdict::Unexplained, Vec::new(), all);
     }
     // Whatever still pushes the base may have lent its strength to a cause that pushes it too.
     let air_before = contest.air(&selection.before);
@@ -142,13 +171,14 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> (Verdict, Vec<C
     let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
     let asserted = strip(asserted);
     if asserted.is_empty() {
-        return (Verdict::Unexplained, asserted, strip(doubtful));
+        return Judgement::new(Verdict::Unexplained, asserted, strip(doubtful));
     }
     let whole = !air.is_too_strong()
         && left < ALL_EXPLAINED
         && doubtful.is_empty()
         && stands_out(contest, &selection.after) < 2.0 * CONSISTENT_CHANNEL;
-    (if whole { Verdict::Explained } else { Verdict::PartlyExplained }, asserted, strip(doubtful))
+    let verdict = if whole { Verdict::Explained } else { Verdict::PartlyExplained };
+    Judgement::new(verdict, asserted, strip(doubtful))
 }
 
 /// RMS over noise of the channel that stands out most from what is left.

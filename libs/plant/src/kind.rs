@@ -5,7 +5,14 @@ use crate::file::Plant;
 use crate::physics::Physics;
 
 /// Most parameters that any effect has.
-pub const MAX_PARAMETERS: usize = 4;
+pub const MAX_PARAMETERS: usize = 6;
+
+/// The values of an effect with one parameter.
+pub(crate) fn alone(value: f64) -> [f64; MAX_PARAMETERS] {
+    let mut values = [0.0; MAX_PARAMETERS];
+    values[0] = value;
+    values
+}
 
 /// Where an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

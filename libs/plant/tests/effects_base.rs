@@ -231,6 +231,28 @@ fn an_unmodelled_force_swings_in_time_along_its_direction() {
 }
 
 #[test]
+fn an_unmodelled_force_by_velocity_may_point_across_it() {
+    // Across the velocity along x, and nothing for that along y: x does not change, y grows by it.
+    let values = [("strength", 0.4), ("direction_rad", 0.0), ("phase_rad", std::f64::consts::FRAC_PI_2)];
+    let across = effect("unmodelled", &values).on("base_force_by_velocity");
+    let mut simulation = coasting(&[across], [0.1, 0.05, 0.0]);
+    simulation.step(2.0);
+    close(simulation.truth().base_velocity[0], 0.1, 1e-10);
+    close(simulation.truth().base_velocity[1], 0.05 + 0.4 * 0.1 * 2.0 / MASS_KG, 1e-10);
+}
+
+#[test]
+fn an_unmodelled_torque_by_rate_grows_with_it_up_to_its_bound() {
+    let values = [("strength", 0.05), ("from", -1.0), ("to", 0.2)];
+    let driving = effect("unmodelled", &values).on("base_torque_by_rate");
+    let mut simulation = coasting(&[driving], [0.0, 0.0, 0.1]);
+    simulation.step(1.0);
+    close(simulation.truth().base_velocity[2], 0.1 * (0.05 / INERTIA_KG_M2).exp(), 1e-9);
+    simulation.step(20.0);
+    close(simulation.truth().base_velocity[2], 0.2, 1e-3);
+}
+
+#[test]
 fn an_unmodelled_effect_elsewhere_only_describes() {
     let described = effect("unmodelled", &[("strength", 0.4)]).on("joint_2").described("knocks at 0.3 rad");
     let mut with = simulate(&quiet(), &[described]);

@@ -224,6 +224,15 @@ fn an_unmodelled_joint_torque_by_rate_resists_with_its_square() {
 }
 
 #[test]
+fn an_empirical_law_acts_only_between_its_bounds() {
+    // It stops at 0.5 rad/s: below, nothing resists.
+    let values = [("strength", 0.3), ("from", -2.0), ("to", -0.5)];
+    let mut simulation = swinging(&[effect("unmodelled", &values).on("joint_torque_1_by_rate")], 0.0, -0.8);
+    simulation.step(2.0);
+    close(rate(&simulation), -0.5, 1e-3);
+}
+
+#[test]
 fn an_elastic_link_is_two_links_with_a_sprung_joint_between() {
     let mut plant = one_link();
     let half = fss_plant::Link {

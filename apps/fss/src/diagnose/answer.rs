@@ -24,6 +24,9 @@ pub struct Answer {
     suspects: Vec<CauseAnswer>,
     #[serde(skip_serializing_if = "Option::is_none")]
     unexplained: Option<Unexplained>,
+    /// Laws in the extended model that are no known effect's.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    empirical: Vec<Effect>,
 }
 
 #[derive(Serialize)]
@@ -130,6 +133,7 @@ impl Answer {
                     .map(|(description, share)| Dependence { description: description.clone(), share: *share })
                     .collect(),
             }),
+            empirical: diagnosis.empirical.clone(),
         }
     }
 }

@@ -143,6 +143,16 @@ fn unexplained(html: &mut String, diagnosis: &Diagnosis) {
         let _ = write!(html, "<li>It depends on {}; that would explain {:.0} %.</li>", escape(what), 100.0 * share);
     }
     html.push_str("</ul>");
+    if !diagnosis.empirical.is_empty() {
+        html.push_str(
+            "<p>The extended model has an empirical term: it names no cause, but predicts the validation runs better. \
+             It acts only where the fitted runs were.</p><ul>",
+        );
+        for law in &diagnosis.empirical {
+            let _ = write!(html, "<li>{}</li>", escape(&law.to_string()));
+        }
+        html.push_str("</ul>");
+    }
     for (i, name) in ["force along x, N", "force along y, N", "torque, N m"].iter().enumerate() {
         if left.closing.is_empty() {
             break;

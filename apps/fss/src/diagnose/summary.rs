@@ -35,6 +35,10 @@ pub fn print(diagnosis: &Diagnosis) {
             say!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
         }
     }
+    if !diagnosis.empirical.is_empty() {
+        say!("\nThe extended model has an empirical term: it names no cause, but predicts the validation runs better.");
+        diagnosis.empirical.iter().for_each(|law| say!("  {law}"));
+    }
     let on = if diagnosis.validation_before.is_empty() { "the fitted runs" } else { "the validation runs" };
     say!(
         "\nRMS over the noise on {on}: {:.3} with the plant file, {:.3} with the extended model\n",

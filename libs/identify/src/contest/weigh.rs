@@ -27,8 +27,8 @@ const STROKE_SHARE: f64 = 0.2;
 const SWING_SHARE: f64 = 0.03;
 /// Where a log tells what links were told, their fast motion follows that, and a latency of telemetry moves the slow one alone. When
 /// commands arrive (2 to 8 ms over the radio) and how servos follow them then counts many times: in 20 blind games latencies of links
-/// came out 1.5 ms off. What is timed against the arm hangs on that too: clocks and latencies of motion capture came out 1.2 to
-/// 2.4 ms too long in eight games.
+/// came out 1.5 ms off. What is timed against the arm hangs on that too: clocks and latencies of motion capture came out 1.0 ms off in
+/// eight games, and 2.0 ms at most.
 pub(super) const LATENCY_BESIDE_COMMANDS_S: f64 = 1.5e-3;
 
 impl Contest {

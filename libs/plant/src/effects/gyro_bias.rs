@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct GyroBias;
@@ -22,7 +22,7 @@ impl EffectKind for GyroBias {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
-        [plant.sensors.gyro_bias_rad_s, 0.0, 0.0, 0.0]
+        alone(plant.sensors.gyro_bias_rad_s)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct GyroScale;
@@ -26,7 +26,7 @@ impl EffectKind for GyroScale {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
-        [plant.sensors.gyro_scale, 0.0, 0.0, 0.0]
+        alone(plant.sensors.gyro_scale)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct JointViscousFriction;
@@ -25,7 +25,7 @@ impl EffectKind for JointViscousFriction {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
-        [link.map_or(0.0, |l| l.viscous_friction_n_m_s_rad), 0.0, 0.0, 0.0]
+        alone(link.map_or(0.0, |l| l.viscous_friction_n_m_s_rad))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

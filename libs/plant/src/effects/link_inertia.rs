@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct LinkInertia;
@@ -25,7 +25,7 @@ impl EffectKind for LinkInertia {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
-        [link.map_or(0.0, |l| l.inertia_kg_m2), 0.0, 0.0, 0.0]
+        alone(link.map_or(0.0, |l| l.inertia_kg_m2))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

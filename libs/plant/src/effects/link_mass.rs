@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct LinkMass;
@@ -22,7 +22,7 @@ impl EffectKind for LinkMass {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
-        [link.map_or(0.0, |l| l.mass_kg), 0.0, 0.0, 0.0]
+        alone(link.map_or(0.0, |l| l.mass_kg))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct MocapLatency;
@@ -22,7 +22,7 @@ impl EffectKind for MocapLatency {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
-        [plant.sensors.mocap_latency_s, 0.0, 0.0, 0.0]
+        alone(plant.sensors.mocap_latency_s)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct ThrusterDelay;
@@ -22,7 +22,7 @@ impl EffectKind for ThrusterDelay {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
-        [plant.valves.delay_s, 0.0, 0.0, 0.0]
+        alone(plant.valves.delay_s)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -2,7 +2,7 @@
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
+use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
 
 pub(super) struct ThrusterPressureDroop;
@@ -25,7 +25,7 @@ impl EffectKind for ThrusterPressureDroop {
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
-        [plant.valves.droop_fraction_per_extra_valve, 0.0, 0.0, 0.0]
+        alone(plant.valves.droop_fraction_per_extra_valve)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

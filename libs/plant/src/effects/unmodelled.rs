@@ -4,7 +4,11 @@
 //! `base_torque` and `joint_torque_1`.. act as strength sin(2 pi frequency t + phase). Where a channel ends with
 //! `_by_place`, the way of the base along the direction (m) stands for the time; `base_torque_by_heading` counts the
 //! base's turns, `joint_torque_1_by_angle`.. the joint's. `joint_torque_1_by_rate`.. resists as the strength times the
-//! square of the joint's rate, N m s2/rad2. All others only describe.
+//! square of the joint's rate, N m s2/rad2. `base_force_by_velocity` is the strength (N s/m) times the base's velocity along the
+//! direction, and points the phase further round than that; `base_torque_by_rate` the strength (N m s/rad) times its rate. All others
+//! only describe.
+//!
+//! What was fitted to data says nothing of where they were not: outside `from` and `to` nothing acts.
 
 use crate::effect::Effect;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
@@ -27,6 +31,9 @@ const ABOUT: About = About {
             .nominal(std::f64::consts::FRAC_PI_2)
             .within(-7.0, 7.0)
             .scale(0.3),
+        Parameter::new("from", "", "it acts from here on, in the unit of what it depends on: s, m, turns, m/s, rad/s")
+            .within(-1000000.0, 1000000.0),
+        Parameter::new("to", "", "and up to here; everywhere where both are the same").within(-1000000.0, 1000000.0),
     ],
 };
 
@@ -41,6 +48,12 @@ impl EffectKind for Unmodelled {
             Some("base_torque") => physics.base_laws.push(BaseLaw { law: torque, values: effect.padded() }),
             Some("base_force_by_place") => {
                 physics.base_laws.push(BaseLaw { law: force_by_place, values: effect.padded() });
+            }
+            Some("base_force_by_velocity") => {
+                physics.base_laws.push(BaseLaw { law: force_by_velocity, values: effect.padded() });
+            }
+            Some("base_torque_by_rate") => {
+                physics.base_laws.push(BaseLaw { law: torque_by_rate, values: effect.padded() });
             }
             Some("base_torque_by_heading") => {
                 physics.base_laws.push(BaseLaw { law: torque_by_heading, values: effect.padded() });
@@ -64,9 +77,15 @@ impl EffectKind for Unmodelled {
     }
 }
 
+/// The strength where `along`, what the law depends on, is where it acts.
+fn strength(p: &[f64; MAX_PARAMETERS], along: f64) -> f64 {
+    let is_everywhere = p[4] == p[5];
+    if is_everywhere || (p[4]..=p[5]).contains(&along) { p[0] } else { 0.0 }
+}
+
 /// `along` counts seconds, metres or turns.
 fn sine(p: &[f64; MAX_PARAMETERS], along: f64) -> f64 {
-    p[0] * (std::f64::consts::TAU * p[1] * along + p[3]).sin()
+    strength(p, along) * (std::f64::consts::TAU * p[1] * along + p[3]).sin()
 }
 
 fn force(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
@@ -79,6 +98,19 @@ fn force_by_place(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
     let (sin, cos) = p[2].sin_cos();
     let size = sine(p, cos * base.pose[0] + sin * base.pose[1]);
     [size * cos, size * sin, 0.0]
+}
+
+fn force_by_velocity(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    let (sin, cos) = p[2].sin_cos();
+    let along = cos * base.velocity[0] + sin * base.velocity[1];
+    let size = strength(p, along) * along;
+    let (sin, cos) = (p[2] + p[3]).sin_cos();
+    [size * cos, size * sin, 0.0]
+}
+
+fn torque_by_rate(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
+    let along = base.velocity[2];
+    [0.0, 0.0, strength(p, along) * along]
 }
 
 fn torque_by_heading(p: &[f64; MAX_PARAMETERS], base: &BaseMotion) -> [f64; 3] {
@@ -98,5 +130,5 @@ fn joint_torque_by_angle(p: &[f64; MAX_PARAMETERS], _t_s: f64, q_rad: f64, _qd_r
 }
 
 fn joint_torque_by_rate(p: &[f64; MAX_PARAMETERS], _t_s: f64, _q_rad: f64, qd_rad_s: f64) -> f64 {
-    -p[0] * qd_rad_s.abs() * qd_rad_s
+    -strength(p, qd_rad_s) * qd_rad_s.abs() * qd_rad_s
 }
