@@ -11,6 +11,8 @@ use std::f64::consts::FRAC_PI_2;
 
 /// A dependence that explains less than this share of the forces is none.
 const WORTH_SAYING: f64 = 0.5;
+/// One that explains more than this share says all that there is to say.
+const ALL_BUT_NOTHING: f64 = 0.95;
 
 /// The generalized force that would close a window: run, middle of the window (s), N, N, N m in table axes.
 pub type Closing = (String, f64, [f64; 3]);
@@ -68,7 +70,7 @@ pub(crate) fn describe(
     depends_on.retain(|(_, share)| *share > WORTH_SAYING);
     depends_on.extend(outside.iter().map(|law| (words(&law.effect), share(law.gain))));
     let air = contest.air(refined);
-    if air.is_too_strong() {
+    if air.is_too_strong() && depends_on.iter().all(|(_, share)| *share < ALL_BUT_NOTHING) {
         let (axis, times) = air.strongest();
         // The share is of what stands above the air that the plant file tells of.
         let share = 1.0 - 1.0 / (times * times);
@@ -137,28 +139,32 @@ fn closing(
 
 /// What a periodic term would do, in words.
 fn in_words(dependence: Dependence, frequency: f64, term: &Term) -> Option<String> {
-    let along = |channel: &str, direction_rad: f64| term.strength(channel, direction_rad);
-    Some(match dependence {
-        Dependence::Time => {
-            let (fx, fy) = (along("base_force", 0.0), along("base_force", FRAC_PI_2));
-            format!(
-                "time, with a period of {:.2} s ({frequency:.3} Hz): force {fx:.4} N along x, {fy:.4} N along y, torque {:.5} N m",
-                1.0 / frequency,
-                along("base_torque", 0.0)
-            )
-        }
-        Dependence::Place => format!(
-            "the place on the table, with a wave of {:.3} m: force {:.4} N along x, {:.4} N along y",
-            1.0 / frequency,
-            along("base_force_by_place", 0.0),
-            along("base_force_by_place", FRAC_PI_2)
+    let along = |channel: &str| {
+        let size = |direction_rad: f64| term.strength(channel, direction_rad);
+        [("x", size(0.0)), ("y", size(FRAC_PI_2))]
+            .into_iter()
+            .filter(|(_, size)| *size > 0.0)
+            .map(|(axis, size)| format!("force {size:.4} N along {axis}"))
+    };
+    let turning = |channel: &str| {
+        Some(term.strength(channel, 0.0)).filter(|size| *size > 0.0).map(|size| format!("torque {size:.5} N m"))
+    };
+    let (what, does): (String, Vec<String>) = match dependence {
+        Dependence::Time => (
+            format!("time, with a period of {:.2} s ({frequency:.3} Hz)", 1.0 / frequency),
+            along("base_force").chain(turning("base_torque")).collect(),
         ),
-        Dependence::Heading => format!(
-            "the heading of the base, {frequency:.2} times a turn: torque {:.5} N m",
-            along("base_torque_by_heading", 0.0)
+        Dependence::Place => (
+            format!("the place on the table, with a wave of {:.3} m", 1.0 / frequency),
+            along("base_force_by_place").collect(),
+        ),
+        Dependence::Heading => (
+            format!("the heading of the base, {frequency:.2} times a turn"),
+            turning("base_torque_by_heading").into_iter().collect(),
         ),
         Dependence::Velocity => return None,
-    })
+    };
+    Some(format!("{what}: {}", does.join(", "))).filter(|_| !does.is_empty())
 }
 
 /// The base in the middle of a window, and the force that would close it.
