@@ -44,12 +44,6 @@ impl Term {
         Self { effects: laws_of(&probes, &strengths), nuisance, gain, probes, strengths }
     }
 
-    /// The strength of one of its laws, 0 where it has none.
-    pub(crate) fn strength(&self, channel: &str, direction_rad: f64) -> f64 {
-        let is_it = |e: &&Effect| e.channel() == Some(channel) && e.get("direction_rad") == Some(direction_rad);
-        self.effects.iter().find(is_it).map_or(0.0, |e| e.values()[0])
-    }
-
     /// The same fitted again around itself, its frequency too: what moves a vehicle far is in no proportion to its strength.
     fn sharper(&self, contest: &mut Contest, beside: &[Effect]) -> Result<Self, ModelError> {
         let Some(&[_, frequency, _, _, from, to]) = self.probes.first().map(Effect::values) else {
@@ -103,14 +97,18 @@ impl Dependence {
         }
     }
 
-    /// Channels, each with the direction of its force (rad).
-    fn laws(self) -> &'static [(&'static str, f64)] {
+    /// Channels, each with the direction of its force (rad). A wave of a table pushes along some axis, and goes along it.
+    fn laws(self, axis_rad: f64) -> Vec<(&'static str, f64)> {
         match self {
-            Self::Time => &[("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)],
-            Self::Place => &[("base_force_by_place", 0.0), ("base_force_by_place", FRAC_PI_2)],
-            Self::Heading => &[("base_torque_by_heading", 0.0)],
+            Self::Time => vec![("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)],
+            Self::Place => [axis_rad, axis_rad + FRAC_PI_2].map(|along| ("base_force_by_place", along)).to_vec(),
+            Self::Heading => vec![("base_torque_by_heading", 0.0)],
             Self::Velocity => {
-                &[("base_force_by_velocity", 0.0), ("base_force_by_velocity", FRAC_PI_2), ("base_torque_by_rate", 0.0)]
+                vec![
+                    ("base_force_by_velocity", 0.0),
+                    ("base_force_by_velocity", FRAC_PI_2),
+                    ("base_torque_by_rate", 0.0),
+                ]
             }
         }
     }
@@ -133,28 +131,29 @@ impl Dependence {
     }
 
     /// Its laws, each at the phases that make up any.
-    fn probes(self, runs: &[Run]) -> Result<Vec<Effect>, EffectError> {
+    fn probes(self, axis_rad: f64, runs: &[Run]) -> Result<Vec<Effect>, EffectError> {
         let unknown = Effect::new(OUTSIDE)?;
         let mut probes = Vec::new();
-        for (channel, direction_rad) in self.laws() {
-            let [from, to] = self.range(channel, *direction_rad, runs);
-            let has_phase = *channel != "base_torque_by_rate";
+        for (channel, direction_rad) in self.laws(axis_rad) {
+            let [from, to] = self.range(channel, direction_rad, runs);
+            let has_phase = channel != "base_torque_by_rate";
             for phase_rad in [0.0, FRAC_PI_2].into_iter().take(if has_phase { 2 } else { 1 }) {
                 let law = unknown.clone().on(channel);
-                probes.push(law.with(&[PROBE, 0.0, *direction_rad, phase_rad, from, to]));
+                probes.push(law.with(&[PROBE, 0.0, direction_rad, phase_rad, from, to]));
             }
         }
         Ok(probes)
     }
 
-    /// The term of these laws that fits what is left best, and its frequency.
+    /// The term of these laws that fits what is left best, and its frequency. What is left pushes most along the axis.
     pub(crate) fn term(
         self,
         contest: &Contest,
         left: &Refined,
+        axis_rad: f64,
         runs: &[Run],
     ) -> Result<Option<(f64, Term)>, ModelError> {
-        let Ok(probes) = self.probes(runs) else { return Ok(None) };
+        let Ok(probes) = self.probes(axis_rad, runs) else { return Ok(None) };
         let at = |frequency: f64| -> Result<(f64, Term), ModelError> {
             let there: Vec<Effect> = probes.iter().map(|probe| probe.clone().with(&[PROBE, frequency])).collect();
             Ok((frequency, fitted(contest, left, &there)?))

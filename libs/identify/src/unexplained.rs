@@ -59,9 +59,10 @@ pub(crate) fn describe(
     }
     let excess = refined.chi2 - refined.freedom;
     let share = |gain: f64| if excess > 0.0 { (gain / excess).min(1.0) } else { 0.0 };
+    let axis_rad = principal_axis_rad(&closing);
     let mut terms = Vec::new();
     for dependence in Dependence::ALL.into_iter().filter(|_| floats) {
-        if let Some((frequency, term)) = dependence.term(contest, refined, runs)? {
+        if let Some((frequency, term)) = dependence.term(contest, refined, axis_rad, runs)? {
             let words = in_words(dependence, frequency, &term);
             depends_on.extend(words.map(|words| (words, share(term.gain))));
             terms.push(term);
@@ -139,32 +140,29 @@ fn closing(
 
 /// What a periodic term would do, in words.
 fn in_words(dependence: Dependence, frequency: f64, term: &Term) -> Option<String> {
-    let along = |channel: &str| {
-        let size = |direction_rad: f64| term.strength(channel, direction_rad);
-        [("x", size(0.0)), ("y", size(FRAC_PI_2))]
-            .into_iter()
-            .filter(|(_, size)| *size > 0.0)
-            .map(|(axis, size)| format!("force {size:.4} N along {axis}"))
-    };
-    let turning = |channel: &str| {
-        Some(term.strength(channel, 0.0)).filter(|size| *size > 0.0).map(|size| format!("torque {size:.5} N m"))
-    };
-    let (what, does): (String, Vec<String>) = match dependence {
-        Dependence::Time => (
-            format!("time, with a period of {:.2} s ({frequency:.3} Hz)", 1.0 / frequency),
-            along("base_force").chain(turning("base_torque")).collect(),
-        ),
-        Dependence::Place => (
-            format!("the place on the table, with a wave of {:.3} m", 1.0 / frequency),
-            along("base_force_by_place").collect(),
-        ),
-        Dependence::Heading => (
-            format!("the heading of the base, {frequency:.2} times a turn"),
-            turning("base_torque_by_heading").into_iter().collect(),
-        ),
+    let what = match dependence {
+        Dependence::Time => format!("time, with a period of {:.2} s ({frequency:.3} Hz)", 1.0 / frequency),
+        Dependence::Place => format!("the place on the table, with a wave of {:.3} m", 1.0 / frequency),
+        Dependence::Heading => format!("the heading of the base, {frequency:.2} times a turn"),
         Dependence::Velocity => return None,
     };
+    let does = |law: &Effect| {
+        let (size, direction_rad) = (law.values()[0], law.get("direction_rad").unwrap_or(0.0));
+        match (law.channel().is_some_and(|c| c.starts_with("base_torque")), direction_rad) {
+            (true, _) => format!("torque {size:.5} N m"),
+            (false, 0.0) => format!("force {size:.4} N along x"),
+            (false, FRAC_PI_2) => format!("force {size:.4} N along y"),
+            (false, other) => format!("force {size:.4} N along {:.0} deg", other.to_degrees()),
+        }
+    };
+    let does: Vec<String> = term.effects.iter().map(does).collect();
     Some(format!("{what}: {}", does.join(", "))).filter(|_| !does.is_empty())
+}
+
+/// Along which axis forces push most, rad: the principal axis of their second moments.
+fn principal_axis_rad(closing: &[Closing]) -> f64 {
+    let moment = |i: usize, j: usize| closing.iter().map(|(_, _, force)| force[i] * force[j]).sum::<f64>();
+    0.5 * f64::atan2(2.0 * moment(0, 1), moment(0, 0) - moment(1, 1))
 }
 
 /// The base in the middle of a window, and the force that would close it.
