@@ -1,0 +1,58 @@
+//! What the search needs of a set of channels of one run: a prediction that is linear in small effects, and a noise model
+//! that whitens it.
+//!
+//! Everything is linearized about the measured path: the prediction of a block is what its channels would have read, had the
+//! plant with its effects acted along the path that was measured. A small force along a known path acts linearly, so that
+//! an effect costs one column: a difference of two predictions.
+
+use fss_estimation::Columns;
+use fss_multibody::ModelError;
+use fss_plant::{Effect, Plant};
+
+/// A hyper-parameter of a block's noise model: a positive number with a log-normal prior.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HyperParameter {
+    /// Its name with its unit, for the report.
+    pub name: &'static str,
+    /// Median of its prior.
+    pub median: f64,
+    /// Standard deviation of its logarithm.
+    pub log_sd: f64,
+    /// Smallest and largest value that makes sense.
+    pub bounds: [f64; 2],
+    /// Strength of a structured discrepancy (a process that acts on the motion) rather than of a sensor's noise or a time.
+    pub is_discrepancy: bool,
+}
+
+/// Channels of one run that share a state-space noise model.
+pub trait Block: Sync + Send {
+    /// What was measured: the channels' values, stacked sample by sample.
+    fn measured(&self) -> &[f64];
+
+    /// What the channels would read, in the order of [`Block::measured`], had the plant's values with exactly these effects
+    /// acted along the measured path. `plant.effects` are not looked at.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible.
+    fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError>;
+
+    /// The noise model's hyper-parameters, the same for the same block of every run.
+    fn hyper_parameters(&self) -> &[HyperParameter];
+
+    /// Whitens columns in place, each as long as [`Block::measured`], with the noise model at these values of the
+    /// hyper-parameters. Rows of diffuse initial states come out as (almost) zero. Returns the logarithm of the determinant
+    /// of the measurements' covariance: the density of a residual column e is exp(-(log_det + |e_white|^2)/2) but for 2 pi.
+    fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64;
+
+    /// Channel of each row of [`Block::measured`], an index into [`Block::channels`].
+    fn channel_of_row(&self) -> &[usize];
+
+    /// Names of the channels: `base_x`, `gyro`, `joint_2_current`.
+    fn channels(&self) -> &[String];
+
+    /// Time of each row, s.
+    fn time_of_row(&self) -> &[f64];
+
+    /// Standard deviation of the sensor's noise of each row, stated in the plant file.
+    fn noise_of_row(&self) -> &[f64];
+}
