@@ -160,7 +160,8 @@ mod tests {
             for (j, (hj, tj)) in of_row.iter().enumerate() {
                 let shared = maps[*ti].len().min(maps[*tj].len());
                 for k in 0..shared {
-                    out[(i, j)] += (hi.transpose() * &maps[*ti][k] * &covariances[k] * maps[*tj][k].transpose() * hj)[0];
+                    out[(i, j)] +=
+                        (hi.transpose() * &maps[*ti][k] * &covariances[k] * maps[*tj][k].transpose() * hj)[0];
                 }
             }
             out[(i, i)] += model.measurements[i].variance;
@@ -189,7 +190,8 @@ mod tests {
             })
             .collect();
         let model = StateSpace { states: n, initial, steps, measurements };
-        let columns: Vec<Vec<f64>> = (0..4).map(|_| (0..12).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
+        let columns: Vec<Vec<f64>> =
+            (0..4).map(|_| (0..12).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
         let mut white = Columns::of(&columns);
         let log_det = model.whiten(&mut white);
         let factor = Cholesky::new(dense(&model)).unwrap().l();

@@ -3,6 +3,7 @@
 use crate::effect::Effect;
 use crate::file::Plant;
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 /// Most parameters that any effect has.
 pub const MAX_PARAMETERS: usize = 6;
@@ -170,6 +171,12 @@ pub trait EffectKind: Sync {
             *value = parameter.nominal.unwrap_or(0.0);
         }
         values
+    }
+
+    /// What is believed of it before any data. `index` counts from 0; without one, all.
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::of(self.about().parameters)
     }
 
     /// Builds the effect into what really acts.

@@ -38,6 +38,7 @@ mod kind;
 mod parts;
 mod physics;
 mod power;
+mod prior;
 mod rollout;
 mod room;
 mod servo;
@@ -60,6 +61,7 @@ pub use physics::{
     BaseLaw, BaseMotion, BasePhysics, Grasped, JointLaw, JointPhysics, LinkPhysics, Physics, SensorPhysics, Stream,
     SupplyPhysics, ThrusterPhysics,
 };
+pub use prior::{Prior, Response, SLAB_WIDTHS};
 pub use rollout::{BaseSample, Grid, JointSample, Rollout, ValveHistory};
 pub use servo::JointCommand;
 pub use simulation::{INTERNAL_STEP_S, Simulation};

@@ -1,8 +1,10 @@
 //! `base_angular_drag`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::Prior;
 
 pub(super) struct BaseAngularDrag;
 
@@ -19,6 +21,12 @@ const ABOUT: About = About {
 impl EffectKind for BaseAngularDrag {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let inertia = plant.base.inertia_kg_m2;
+        Prior::sized(&[0.1 * inertia], &[1e-4 * inertia])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

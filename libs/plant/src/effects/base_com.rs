@@ -1,8 +1,10 @@
 //! `base_com`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct BaseCom;
 
@@ -20,6 +22,11 @@ const ABOUT: About = About {
 impl EffectKind for BaseCom {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[4e-3; 2], &[1e-4; 2])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -4,8 +4,10 @@
 //! from a few times the creep rates below upwards.
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::Prior;
 
 pub(super) struct BaseCoulombDrag;
 
@@ -23,6 +25,12 @@ const ABOUT: About = About {
 impl EffectKind for BaseCoulombDrag {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
+        Prior::sized(&[1.5e-3 * mass, 5e-3 * inertia], &[1e-6 * mass, 1e-6 * inertia])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

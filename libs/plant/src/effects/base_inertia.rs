@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct BaseInertia;
 
@@ -26,6 +27,12 @@ impl EffectKind for BaseInertia {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
         alone(plant.base.inertia_kg_m2)
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let inertia = plant.base.inertia_kg_m2;
+        Prior::sized(&[0.1 * inertia], &[3e-3 * inertia])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `base_linear_drag`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::Prior;
 
 pub(super) struct BaseLinearDrag;
 
@@ -17,6 +19,12 @@ const ABOUT: About = About {
 impl EffectKind for BaseLinearDrag {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let mass = plant.total_mass_kg();
+        Prior::sized(&[0.015 * mass], &[1e-4 * mass])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct BaseMass;
 
@@ -26,6 +27,12 @@ impl EffectKind for BaseMass {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
         alone(plant.base.mass_kg)
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let mass = plant.base.mass_kg;
+        Prior::sized(&[0.06 * mass], &[1e-3 * mass])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

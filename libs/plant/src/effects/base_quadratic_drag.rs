@@ -1,8 +1,10 @@
 //! `base_quadratic_drag`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::Prior;
 
 pub(super) struct BaseQuadraticDrag;
 
@@ -19,6 +21,12 @@ const ABOUT: About = About {
 impl EffectKind for BaseQuadraticDrag {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let mass = plant.total_mass_kg();
+        Prior::sized(&[0.1 * mass], &[1e-4 * mass])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

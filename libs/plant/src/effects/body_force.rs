@@ -1,8 +1,10 @@
 //! `body_force`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::Prior;
 
 pub(super) struct BodyForce;
 
@@ -21,6 +23,12 @@ const ABOUT: About = About {
 impl EffectKind for BodyForce {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
+        Prior::sized(&[1.5e-3 * mass, 1.5e-3 * mass, 5e-3 * inertia], &[1e-5 * mass, 1e-5 * mass, 1e-5 * inertia])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `clock_offset`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct ClockOffset;
 
@@ -17,6 +19,11 @@ const ABOUT: About = About {
 impl EffectKind for ClockOffset {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.02], &[1e-3])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

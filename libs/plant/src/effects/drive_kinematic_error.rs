@@ -3,8 +3,10 @@
 //! Link angle = motor angle + amplitude sin(cycles * link angle); the encoder sits on the motor.
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::{Prior, Response};
 
 pub(super) struct DriveKinematicError;
 
@@ -25,6 +27,11 @@ const ABOUT: About = About {
 impl EffectKind for DriveKinematicError {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[2e-3], &[5e-5]).responding(Response::Shape(&[1.0, 2.0, 3.0, 4.0, 6.0, 8.0]))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `encoder_scale`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct EncoderScale;
 
@@ -17,6 +19,11 @@ const ABOUT: About = About {
 impl EffectKind for EncoderScale {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.02], &[2e-4])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -3,8 +3,10 @@
 //! The limit of a large stiffness is the rigid joint; the largest value stands for it.
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::{Prior, Response};
 
 pub(super) struct JointFlexibility;
 
@@ -22,6 +24,11 @@ const ABOUT: About = About {
 impl EffectKind for JointFlexibility {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
+        Prior::sized(&[0.01 / torque], &[1e-4 / torque]).responding(Response::Inverse)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `joint_spring`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{JointLaw, Physics};
+use crate::prior::{Prior, Response};
 
 pub(super) struct JointSpring;
 
@@ -20,6 +22,11 @@ const ABOUT: About = About {
 impl EffectKind for JointSpring {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
+        Prior::sized(&[0.05 * torque; 2], &[1e-3 * torque; 2]).responding(Response::Strength)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

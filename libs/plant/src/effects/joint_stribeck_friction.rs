@@ -1,8 +1,10 @@
 //! `joint_stribeck_friction`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::{Prior, Response};
 
 pub(super) struct JointStribeckFriction;
 
@@ -23,6 +25,11 @@ const ABOUT: About = About {
 impl EffectKind for JointStribeckFriction {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
+        Prior::sized(&[0.03 * torque], &[1e-3 * torque]).responding(Response::Shape(&[0.01, 0.03, 0.1]))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

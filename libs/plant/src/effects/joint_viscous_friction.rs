@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct JointViscousFriction;
 
@@ -26,6 +27,11 @@ impl EffectKind for JointViscousFriction {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
         alone(link.map_or(0.0, |l| l.viscous_friction_n_m_s_rad))
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
+        Prior::sized(&[0.03 * torque], &[5e-4 * torque])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

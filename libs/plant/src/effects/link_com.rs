@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct LinkCom;
 
@@ -26,6 +27,11 @@ impl EffectKind for LinkCom {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
         alone(link.map_or(0.0, |l| l.com_to_next_joint_m))
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let length = plant.links.get(index.unwrap_or(0)).map_or(0.3, |l| l.length_m);
+        Prior::sized(&[0.025 * length], &[1e-3 * length])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct LinkInertia;
 
@@ -26,6 +27,11 @@ impl EffectKind for LinkInertia {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
         alone(link.map_or(0.0, |l| l.inertia_kg_m2))
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let inertia = plant.links.get(index.unwrap_or(0)).map_or(0.01, |l| l.inertia_kg_m2);
+        Prior::sized(&[0.1 * inertia], &[3e-3 * inertia])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

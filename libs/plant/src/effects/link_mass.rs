@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct LinkMass;
 
@@ -23,6 +24,11 @@ impl EffectKind for LinkMass {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let link = plant.links.get(index.unwrap_or(0));
         alone(link.map_or(0.0, |l| l.mass_kg))
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let mass = plant.links.get(index.unwrap_or(0)).map_or(1.0, |l| l.mass_kg);
+        Prior::sized(&[0.04 * mass], &[1e-3 * mass])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `marker_yaw`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct MarkerYaw;
 
@@ -17,6 +19,11 @@ const ABOUT: About = About {
 impl EffectKind for MarkerYaw {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.02], &[2e-4])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -3,8 +3,10 @@
 //! A turn of the whole frame alone cannot be seen: only against a known direction, such as gravity.
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct MocapRotation;
 
@@ -21,6 +23,11 @@ const ABOUT: About = About {
 impl EffectKind for MocapRotation {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.02], &[2e-4])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

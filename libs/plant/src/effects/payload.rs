@@ -1,8 +1,10 @@
 //! `payload`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct Payload;
 
@@ -17,6 +19,12 @@ const ABOUT: About = About {
 impl EffectKind for Payload {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let mass = plant.links.last().map_or(1.0, |l| l.mass_kg);
+        Prior::sized(&[0.04 * mass], &[1e-4 * mass])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

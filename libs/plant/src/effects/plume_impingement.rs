@@ -3,8 +3,10 @@
 //! The plume is a cone against the thrust; a link whose centre of mass lies in it is hit.
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct PlumeImpingement;
 
@@ -21,6 +23,11 @@ const ABOUT: About = About {
 impl EffectKind for PlumeImpingement {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.2], &[2e-3])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `tether_linear`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::{Prior, Response};
 
 pub(super) struct TetherLinear;
 
@@ -21,6 +23,12 @@ const ABOUT: About = About {
 impl EffectKind for TetherLinear {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let mass = plant.total_mass_kg();
+        Prior::sized(&[0.02 * mass; 3], &[1e-5 * mass; 3]).responding(Response::Strength)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `tether_torsion`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
 use crate::physics::{BaseLaw, BaseMotion, Physics};
+use crate::prior::{Prior, Response};
 
 pub(super) struct TetherTorsion;
 
@@ -20,6 +22,12 @@ const ABOUT: About = About {
 impl EffectKind for TetherTorsion {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let inertia = plant.base.inertia_kg_m2;
+        Prior::sized(&[0.1 * inertia; 2], &[1e-5 * inertia; 2]).responding(Response::Strength)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

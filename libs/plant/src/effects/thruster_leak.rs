@@ -1,8 +1,10 @@
 //! `thruster_leak`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct ThrusterLeak;
 
@@ -17,6 +19,12 @@ const ABOUT: About = About {
 impl EffectKind for ThrusterLeak {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = index;
+        let thrust = plant.typical_thrust_n();
+        Prior::sized(&[0.1 * thrust], &[1e-3 * thrust])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `thruster_misalignment`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct ThrusterMisalignment;
 
@@ -19,6 +21,11 @@ const ABOUT: About = About {
 impl EffectKind for ThrusterMisalignment {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.1], &[2e-3])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

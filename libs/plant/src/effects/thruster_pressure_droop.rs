@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct ThrusterPressureDroop;
 
@@ -26,6 +27,11 @@ impl EffectKind for ThrusterPressureDroop {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
         alone(plant.valves.droop_fraction_per_extra_valve)
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.06], &[1e-4])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

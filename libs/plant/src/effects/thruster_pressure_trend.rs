@@ -1,8 +1,10 @@
 //! `thruster_pressure_trend`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct ThrusterPressureTrend;
 
@@ -19,6 +21,11 @@ const ABOUT: About = About {
 impl EffectKind for ThrusterPressureTrend {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[4e-3], &[1e-5])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -4,6 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct ThrusterRiseTime;
 
@@ -23,6 +24,11 @@ impl EffectKind for ThrusterRiseTime {
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
         let _ = index;
         alone(plant.valves.rise_s)
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.02], &[1e-3])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

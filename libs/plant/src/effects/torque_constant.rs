@@ -1,8 +1,10 @@
 //! `torque_constant`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct TorqueConstant;
 
@@ -20,6 +22,11 @@ const ABOUT: About = About {
 impl EffectKind for TorqueConstant {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[0.1], &[3e-3])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

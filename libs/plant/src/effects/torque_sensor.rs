@@ -1,8 +1,10 @@
 //! `torque_sensor`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::Prior;
 
 pub(super) struct TorqueSensor;
 
@@ -20,6 +22,11 @@ const ABOUT: About = About {
 impl EffectKind for TorqueSensor {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
+        Prior::sized(&[0.03 * torque, 0.1], &[5e-4 * torque, 3e-3])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,8 +1,10 @@
 //! `valve_swap`
 
 use crate::effect::Effect;
+use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
+use crate::prior::{Prior, Response};
 
 pub(super) struct ValveSwap;
 
@@ -17,6 +19,11 @@ const ABOUT: About = About {
 impl EffectKind for ValveSwap {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
+        let _ = (plant, index);
+        Prior::sized(&[], &[]).responding(Response::Discrete)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -1,0 +1,102 @@
+//! What is believed of an effect before any data: how its parameters enter a prediction, how large they may be.
+//!
+//! Each parameter has a spike, the deviation that every laboratory has and nobody states, and a slab, a departure that would
+//! be named: a normal distribution about the nominal value, of one of three widths, [`SLAB_WIDTHS`] times the typical size.
+//! Special values, such as a thruster that is stuck shut, are points besides.
+
+use crate::file::Plant;
+use crate::kind::{MAX_PARAMETERS, Parameter};
+
+/// Standard deviations of the three slabs over the typical size of a departure, each with a third of the probability.
+pub const SLAB_WIDTHS: [f64; 3] = [0.25, 1.0, 4.0];
+/// Spike over typical size where an effect's file gives none: a laboratory leaves about a hundredth of what it would notice.
+const SPIKE_SHARE: f64 = 0.01;
+
+/// How an effect's parameters enter a prediction that is linear in small effects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Response {
+    /// Each parameter's departure from nominal acts in proportion.
+    Linear,
+    /// The first parameter is a strength k, each further one a place p without action: linear in k and k p.
+    Strength,
+    /// The first parameter acts in proportion, the second has one of these values.
+    Shape(&'static [f64]),
+    /// The inverse of the first parameter acts in proportion.
+    Inverse,
+    /// There or not there, without a size.
+    Discrete,
+}
+
+/// The prior of an effect in a plant. Sizes are in the units of the coordinates of [`Response`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// How the parameters enter.
+    pub response: Response,
+    /// Typical size of a departure from nominal.
+    pub typical: [f64; MAX_PARAMETERS],
+    /// Standard deviation of what is there without being a fault.
+    pub spike: [f64; MAX_PARAMETERS],
+    /// Special values of the first parameter.
+    pub points: &'static [f64],
+}
+
+impl Prior {
+    /// Linear, with the parameters' own typical sizes.
+    pub fn of(parameters: &[Parameter]) -> Self {
+        let mut typical = [0.0; MAX_PARAMETERS];
+        typical.iter_mut().zip(parameters).for_each(|(own, parameter)| *own = parameter.scale);
+        Self { response: Response::Linear, typical, spike: typical.map(|size| SPIKE_SHARE * size), points: &[] }
+    }
+
+    /// Linear, with these typical sizes and spikes.
+    pub fn sized(typical: &[f64], spike: &[f64]) -> Self {
+        let padded = |values: &[f64]| {
+            let mut all = [0.0; MAX_PARAMETERS];
+            all.iter_mut().zip(values).for_each(|(own, value)| *own = *value);
+            all
+        };
+        Self { response: Response::Linear, typical: padded(typical), spike: padded(spike), points: &[] }
+    }
+
+    /// The same with another response.
+    #[must_use]
+    pub fn responding(mut self, response: Response) -> Self {
+        self.response = response;
+        self
+    }
+
+    /// The same with special values of the first parameter.
+    #[must_use]
+    pub fn with_points(mut self, points: &'static [f64]) -> Self {
+        self.points = points;
+        self
+    }
+}
+
+/// Sizes that priors are measured by.
+impl Plant {
+    /// Mass of base and links (kg).
+    pub fn total_mass_kg(&self) -> f64 {
+        self.base.mass_kg + self.links.iter().map(|l| l.mass_kg).sum::<f64>()
+    }
+
+    /// Thrust of one thruster at its full level, the mean of all (N).
+    pub fn typical_thrust_n(&self) -> f64 {
+        let count = self.thrusters.len();
+        (0..count).map(|i| self.thrust_n(i).abs()).sum::<f64>() / count.max(1) as f64
+    }
+
+    /// Torque at a joint (from 0) that matters: the motor's largest, or without a motor the one that gravity can exert (N m).
+    pub fn typical_joint_torque_n_m(&self, joint: usize) -> f64 {
+        let [gx, gy] = self.table.gravity_m_s2;
+        let Some(link) = self.links.get(joint) else { return 1.0 };
+        let beyond: f64 = self.links[joint + 1..].iter().map(|l| l.mass_kg).sum();
+        let arm = link.mass_kg * (link.length_m - link.com_to_next_joint_m) + beyond * link.length_m;
+        let gravity = arm.abs() * gx.hypot(gy);
+        match (link.max_torque_n_m, gravity) {
+            (0.0, 0.0) => 1.0,
+            (0.0, gravity) => gravity,
+            (motor, _) => motor,
+        }
+    }
+}
