@@ -1,5 +1,8 @@
 //! Where a simulation differs from what was measured, and why: examine, linearize, whiten, search, conclude.
 //!
 //! - [`block`]: what the search needs of a set of channels of one run.
+//! - [`base`]: the motion of a floating base.
 
+pub mod base;
 pub mod block;
+mod path;

@@ -1,9 +1,12 @@
 //! Estimation: one of each.
 //!
 //! - [`Columns`]: time series side by side.
+//! - [`smoothing`]: a motion between sparse measurements.
 //! - [`StateSpace`]: a Kalman filter that whitens them.
 
 mod columns;
+pub mod processes;
+pub mod smoothing;
 mod whitening;
 
 pub use columns::Columns;

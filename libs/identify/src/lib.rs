@@ -3,7 +3,6 @@
 //! - [`calibrate`]: parameters of the plant from measured runs.
 //! - [`commands`]: commands of a flight, played again on a simulation.
 //! - [`measured`]: the runs of an experiment as plain series.
-//! - [`smoother`]: joint motion between slow telemetry.
 //! - [`workspace`]: reach and manipulability.
 //! - [`straight_path`]: how far the end-effector gets along straight lines.
 //! - [`diagnosis`]: the whole answer.
@@ -29,7 +28,6 @@ mod normal;
 mod prediction;
 mod search;
 mod sensitivity;
-pub mod smoother;
 pub mod straight_path;
 mod tolerance;
 mod trial;
@@ -37,3 +35,5 @@ mod uncertain;
 pub mod unexplained;
 mod verdict;
 pub mod workspace;
+
+pub use fss_estimation::smoothing as smoother;

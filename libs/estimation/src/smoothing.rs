@@ -30,8 +30,8 @@ pub struct Noise {
 
 /// What is not known before the first measurement: rad, rad/s, rad/s2.
 const START_SD: [f64; 3] = [0.5, 1.0, 3.0];
-/// Densities of white jerk that are tried, rad/s3 per root Hz.
-const JERKS: [f64; 12] = [1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
+/// Densities of white jerk that are tried, rad/s3 per root Hz (or m): from a resting joint to a fast hovercraft.
+const JERKS: [f64; 16] = [1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3];
 
 /// One measured component: which of the state it shows, innovation, its variance, gain.
 #[derive(Clone, Copy)]

@@ -1,0 +1,263 @@
+//! What disturbs the base's motion and what its sensors add, as a state-space model.
+
+use super::prediction::Predictor;
+use super::samples::Samples;
+use crate::block::HyperParameter;
+use fss_estimation::processes::SingerStep;
+use fss_estimation::{Measurement, StateSpace, Step};
+use fss_identify::measured::Run;
+use fss_multibody::ModelError;
+use fss_plant::{Physics, Plant};
+
+/// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
+const BODY: usize = 9;
+/// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
+const ARM: usize = 3;
+/// Variances of what is not known at the start: place (m^2) or heading (rad^2), speed (m^2/s^2), rate (rad^2/s^2).
+const START: [f64; 3] = [1e2, 1.0, 10.0];
+/// Correlation times of a disturbance that make sense: shorter is white, longer is steady (s).
+const CORRELATION_S: [f64; 2] = [0.1, 10.0];
+
+pub(super) struct NoiseModel {
+    pub(super) hyper_parameters: Vec<HyperParameter>,
+    mass_kg: f64,
+    /// For each block: time, centre of mass from the base's origin (table axes, m), inertia (kg m^2).
+    moments: Vec<(f64, [f64; 2], f64)>,
+    /// Rows of each block: the standard deviation of each (x, y, heading, and the gyro's).
+    rows: Vec<Vec<f64>>,
+    /// Of the arm: telemetry's interval (s), angular momentum and shift of the centre of mass for one rad/s of rate error.
+    arm: Option<[f64; 3]>,
+    gyro_walk: f64,
+}
+
+impl NoiseModel {
+    pub(super) fn new(plant: &Plant, run: &Run, samples: &Samples, predictor: &Predictor) -> Result<Self, ModelError> {
+        let physics = Physics::with(plant, &plant.effects);
+        let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
+        let moment = |t_s: f64| {
+            let (k, _) = predictor.pose.grid.locate(t_s);
+            let (sin, cos) = path.pose[k][2].sin_cos();
+            let [x, y] = carriage.com_m[k];
+            (t_s, [cos * x - sin * y, sin * x + cos * y], carriage.inertia_kg_m2[k])
+        };
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        for (channel, sd) in samples.channel_of_row.iter().zip(&samples.noise_of_row) {
+            if *channel == 0 {
+                rows.push(Vec::with_capacity(4));
+            }
+            if let Some(row) = rows.last_mut() {
+                row.push(*sd);
+            }
+        }
+        let arm = (plant.link_count() > 0).then(|| arm_errors(plant, run, carriage.mass_kg));
+        let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
+        Ok(Self {
+            hyper_parameters: hyper_parameters(plant),
+            mass_kg: carriage.mass_kg,
+            moments: samples.block_times().into_iter().map(moment).collect(),
+            rows,
+            arm,
+            gyro_walk: walk * walk,
+        })
+    }
+
+    fn states(&self) -> usize {
+        BODY + ARM + 1
+    }
+
+    /// The model at these values of the hyper-parameters.
+    pub(super) fn state_space(&self, hyper: &[f64]) -> StateSpace {
+        let h = Hyper::of(hyper);
+        let n = self.states();
+        let mut space =
+            StateSpace { states: n, initial: self.initial(&h), steps: Vec::new(), measurements: Vec::new() };
+        for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
+            let step = block.checked_sub(1).map(|before| {
+                space.steps.push(self.step(&h, &self.moments[before], moment));
+                before
+            });
+            for (channel, sd) in sds.iter().enumerate() {
+                let states = match channel {
+                    0 => vec![(0, 1.0), (10, 1.0)],
+                    1 => vec![(2, 1.0), (11, 1.0)],
+                    2 => vec![(4, 1.0)],
+                    _ => vec![(5, 1.0 / moment.2), (9, -1.0 / moment.2), (12, 1.0)],
+                };
+                let inflation = [h.noise_position, h.noise_position, h.noise_angle, h.noise_gyro][channel];
+                let step = if channel == 0 { step } else { None };
+                space.measurements.push(Measurement { step, states, variance: (inflation * sd).powi(2) });
+            }
+        }
+        space
+    }
+
+    fn initial(&self, h: &Hyper) -> Vec<f64> {
+        let n = self.states();
+        let inertia = self.moments.first().map_or(1.0, |m| m.2);
+        let [_, momentum, shift] = self.arm.unwrap_or([1.0, 0.0, 0.0]);
+        let [place, speed, rate] = START;
+        let arm = [(h.arm_rate * momentum).powi(2), (h.arm_rate * shift).powi(2), (h.arm_rate * shift).powi(2)];
+        let force = h.force.powi(2);
+        let body = [place, speed, place, speed, place, rate * inertia * inertia, force, force, h.torque.powi(2)];
+        let mut initial = vec![0.0; n * n];
+        body.into_iter().chain(arm).enumerate().for_each(|(i, variance)| initial[i * n + i] = variance);
+        initial
+    }
+
+    fn step(&self, h: &Hyper, from: &(f64, [f64; 2], f64), to: &(f64, [f64; 2], f64)) -> Step {
+        let n = self.states();
+        let dt = to.0 - from.0;
+        let mean = |a: f64, b: f64| 0.5 * (a + b);
+        let (cx, cy) = (mean(from.1[0], to.1[0]), mean(from.1[1], to.1[1]));
+        let (mass, inertia) = (self.mass_kg, mean(from.2, to.2));
+        let mut step = Step { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
+        (0..n).for_each(|i| step.transition[i * n + i] = 1.0);
+        (step.transition[1], step.transition[2 * n + 3]) = (dt, dt);
+        step.transition[4 * n + 5] = dt / inertia;
+        let singer = SingerStep::new(dt, h.correlation);
+        // Force along x and y at the base's origin, torque: what each does to the two translations and to the heading.
+        let ways = [(6, [1.0, 0.0, cy], h.force), (7, [0.0, 1.0, -cx], h.force), (8, [0.0, 0.0, 1.0], h.torque)];
+        for (state, [fx, fy, torque], sd) in ways {
+            let onto = [
+                (0, [fx / mass, 0.0, 0.0]),
+                (1, [0.0, fx / mass, 0.0]),
+                (2, [fy / mass, 0.0, 0.0]),
+                (3, [0.0, fy / mass, 0.0]),
+                (4, [torque / inertia, 0.0, 0.0]),
+                (5, [0.0, torque, 0.0]),
+                (state, [0.0, 0.0, 1.0]),
+            ];
+            for (row, [p, v, _]) in &onto[..6] {
+                step.transition[row * n + state] += p * singer.position + v * singer.velocity;
+            }
+            step.transition[state * n + state] = singer.decay;
+            add_noise(&mut step.noise, n, &onto, &singer.noise, sd * sd);
+        }
+        let impulses =
+            [([1.0, 0.0, cy], h.white_force), ([0.0, 1.0, -cx], h.white_force), ([0.0, 0.0, 1.0], h.white_torque)];
+        for ([fx, fy, torque], density) in impulses {
+            // An impulse anywhere in the step: half of the step on average goes by after it.
+            let half = 0.5 * dt;
+            let onto = [half * fx / mass, fx / mass, half * fy / mass, fy / mass, half * torque / inertia, torque];
+            let variance = density * density * dt;
+            for i in 0..6 {
+                (0..6).for_each(|j| step.noise[i * n + j] += variance * onto[i] * onto[j]);
+            }
+        }
+        self.add_arm(h, dt, inertia, &mut step);
+        step.noise[12 * n + 12] += self.gyro_walk * dt;
+        step
+    }
+
+    /// Errors of the arm's telemetry between two reports: of its momentum, which turns the base the other way, and of its place.
+    fn add_arm(&self, h: &Hyper, dt: f64, inertia: f64, step: &mut Step) {
+        let Some([interval, momentum, shift]) = self.arm else { return };
+        let n = self.states();
+        let singer = SingerStep::new(dt, 0.5 * interval);
+        step.transition[4 * n + 9] = -singer.velocity / inertia;
+        step.transition[9 * n + 9] = singer.decay;
+        let onto = [(4, [0.0, -1.0 / inertia, 0.0]), (9, [0.0, 0.0, 1.0])];
+        add_noise(&mut step.noise, n, &onto, &singer.noise, (h.arm_rate * momentum).powi(2));
+        for state in [10, 11] {
+            step.transition[state * n + state] = singer.decay;
+            step.noise[state * n + state] += (h.arm_rate * shift).powi(2) * singer.noise[2][2];
+        }
+    }
+}
+
+/// Adds `variance B S B'`, `B` given by rows.
+fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64; 3]; 3], variance: f64) {
+    for (i, bi) in onto {
+        for (j, bj) in onto {
+            let mut sum = 0.0;
+            for k in 0..3 {
+                for l in 0..3 {
+                    sum += bi[k] * s[k][l] * bj[l];
+                }
+            }
+            noise[i * n + j] += variance * sum;
+        }
+    }
+}
+
+/// Median interval of telemetry, and what one rad/s of error in the arm's rates does to momentum and centre of mass.
+fn arm_errors(plant: &Plant, run: &Run, mass_kg: f64) -> [f64; 3] {
+    let mut gaps: Vec<f64> =
+        run.joints.as_ref().map_or_else(Vec::new, |j| j.t_s.windows(2).map(|w| w[1] - w[0]).collect());
+    gaps.sort_by(f64::total_cmp);
+    let interval_s = gaps.get(gaps.len() / 2).copied().unwrap_or(0.2).max(1e-3);
+    let (mut reach, mut momentum, mut first_moment) = (0.0, 0.0, 0.0);
+    for link in &plant.links {
+        let arm = reach + link.length_m - link.com_to_next_joint_m;
+        momentum += link.inertia_kg_m2 + link.mass_kg * arm * arm;
+        first_moment += link.mass_kg * arm;
+        reach += link.length_m;
+    }
+    [interval_s, momentum, first_moment / mass_kg * 0.5 * interval_s]
+}
+
+/// The hyper-parameters by name.
+struct Hyper {
+    force: f64,
+    torque: f64,
+    correlation: f64,
+    white_force: f64,
+    white_torque: f64,
+    noise_position: f64,
+    noise_angle: f64,
+    noise_gyro: f64,
+    arm_rate: f64,
+}
+
+impl Hyper {
+    fn of(values: &[f64]) -> Self {
+        Self {
+            force: values[0],
+            torque: values[1],
+            correlation: values[2],
+            white_force: values[3],
+            white_torque: values[4],
+            noise_position: values[5],
+            noise_angle: values[6],
+            noise_gyro: values[7],
+            arm_rate: values[8],
+        }
+    }
+}
+
+/// Priors. A room's stated air is believed within a factor of two or so; without a statement, nothing is known but the order of
+/// magnitude: a ten-thousandth of the vehicle's weight per unit of acceleration. Stated noise is right within 15 %.
+fn hyper_parameters(plant: &Plant) -> Vec<HyperParameter> {
+    let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
+    let air = plant.disturbance.as_ref();
+    let strength = |name, stated: Option<f64>, natural: f64, log_sd: [f64; 2]| HyperParameter {
+        name,
+        median: stated.filter(|s| *s > 0.0).unwrap_or(natural),
+        log_sd: if stated.is_some_and(|s| s > 0.0) { log_sd[0] } else { log_sd[1] },
+        bounds: [1e-8 * natural, 1e6 * natural],
+        is_discrepancy: true,
+    };
+    let plain = |name, median, log_sd, bounds| HyperParameter { name, median, log_sd, bounds, is_discrepancy: false };
+    let (force, torque) = (1e-4 * mass, 5e-4 * inertia);
+    vec![
+        strength("coloured force (N)", air.map(|a| a.force_std_n), force, [0.8, 3.0]),
+        strength("coloured torque (N m)", air.map(|a| a.torque_std_n_m), torque, [0.8, 3.0]),
+        plain(
+            "correlation time (s)",
+            air.map_or(1.5, |a| a.correlation_s).clamp(CORRELATION_S[0], CORRELATION_S[1]),
+            if air.is_some() { 0.4 } else { 0.8 },
+            CORRELATION_S,
+        ),
+        strength("white force (N s^0.5)", air.map(|a| 0.1 * a.force_std_n), force, [2.5, 3.0]),
+        strength("white torque (N m s^0.5)", air.map(|a| 0.1 * a.torque_std_n_m), torque, [2.5, 3.0]),
+        plain("pose noise over stated, place", 1.0, 0.15, [0.3, 3.0]),
+        plain("pose noise over stated, heading", 1.0, 0.15, [0.3, 3.0]),
+        plain("gyro noise over stated", 1.0, 0.15, [0.3, 3.0]),
+        plain(
+            "error of joint rates between reports (rad/s)",
+            plant.sensors.encoder_rate_rad_s.max(1e-6),
+            1.5,
+            [1e-7, 10.0],
+        ),
+    ]
+}

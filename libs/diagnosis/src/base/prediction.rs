@@ -1,0 +1,269 @@
+//! The motion of the base that forces along the measured path give.
+
+use crate::path::{EncoderPath, PosePath};
+use fss_multibody::{Coordinates, JointVector, MAX_DOF, ModelError, State};
+use fss_plant::{BaseMotion, Effect, Grid, JointSample, Physics, Plant, Rollout, ValveHistory};
+use std::sync::{Arc, Mutex};
+
+/// Values that hang on a few parts of the physics, kept for the physics that were asked for last.
+struct Memo<V>(Mutex<Vec<(Physics, Arc<V>)>>);
+
+/// Enough for the plant itself and for each thread's own present variation.
+const KEPT: usize = 4;
+
+impl<V> Memo<V> {
+    fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    fn get<E>(
+        &self,
+        physics: &Physics,
+        same: impl Fn(&Physics, &Physics) -> bool,
+        make: impl FnOnce() -> Result<V, E>,
+    ) -> Result<Arc<V>, E> {
+        let lock = || self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, value)) = lock().iter().find(|(kept, _)| same(kept, physics)) {
+            return Ok(value.clone());
+        }
+        let value = Arc::new(make()?);
+        let mut kept = lock();
+        if kept.len() == KEPT {
+            // The first is the plant as it is, or as it is about to be extended: the one asked for most.
+            kept.remove(1);
+        }
+        kept.push((physics.clone(), value.clone()));
+        Ok(value)
+    }
+
+    fn forget(&self) {
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clear();
+    }
+}
+
+/// Base and arm as one body at the edges of the grid, base axes.
+pub(super) struct Carriage {
+    pub(super) mass_kg: f64,
+    /// Centre of mass (m).
+    pub(super) com_m: Vec<[f64; 2]>,
+    /// Locked inertia about it (kg m^2).
+    pub(super) inertia_kg_m2: Vec<f64>,
+    /// Angular momentum of the joint rates about it (kg m^2/s).
+    pub(super) joint_momentum: Vec<f64>,
+    samples: Vec<JointSample>,
+}
+
+/// Poses and velocities at the edges of the grid.
+pub(super) struct Path {
+    pub(super) pose: Vec<[f64; 3]>,
+    pub(super) velocity: Vec<[f64; 3]>,
+}
+
+pub(super) struct Predictor {
+    pub(super) pose: PosePath,
+    encoders: EncoderPath,
+    valves: ValveHistory,
+    paths: Memo<Path>,
+    carriages: Memo<Carriage>,
+    thrusts: Memo<Vec<[f64; 3]>>,
+}
+
+/// A predicted motion at the edges of the grid.
+pub(super) struct Motion {
+    pub(super) physics: Physics,
+    grid: crate::path::TimeGrid,
+    /// Predicted pose of the base.
+    pose: Vec<[f64; 3]>,
+    rate: Vec<f64>,
+    /// The markers from the base's origin, table axes (m).
+    marker_m: Vec<[f64; 2]>,
+}
+
+impl Predictor {
+    pub(super) fn new(pose: PosePath, encoders: EncoderPath, valves: ValveHistory) -> Self {
+        Self { pose, encoders, valves, paths: Memo::new(), carriages: Memo::new(), thrusts: Memo::new() }
+    }
+
+    pub(super) fn path(&self, physics: &Physics) -> Arc<Path> {
+        let same = |a: &Physics, b: &Physics| {
+            let (a, b) = (&a.sensors, &b.sensors);
+            a.mocap_delay_s == b.mocap_delay_s
+                && a.mocap_rotation_rad == b.mocap_rotation_rad
+                && a.marker_offset_m == b.marker_offset_m
+                && a.marker_yaw_rad == b.marker_yaw_rad
+                && a.clock_offset_s == b.clock_offset_s
+        };
+        let make = || {
+            let (pose, velocity) = self.pose.unread(physics);
+            Ok::<_, std::convert::Infallible>(Path { pose, velocity })
+        };
+        match self.paths.get(physics, same, make) {
+            Ok(path) => path,
+            Err(never) => match never {},
+        }
+    }
+
+    pub(super) fn carriage(&self, physics: &Physics) -> Result<Arc<Carriage>, ModelError> {
+        let same = |a: &Physics, b: &Physics| {
+            a.base == b.base
+                && a.links == b.links
+                && a.joints == b.joints
+                && a.payload_kg == b.payload_kg
+                && a.grasped == b.grasped
+                && a.sensors.link_delay_s == b.sensors.link_delay_s
+                && a.sensors.clock_offset_s == b.sensors.clock_offset_s
+        };
+        self.carriages.get(physics, same, || self.carried(physics))
+    }
+
+    fn carried(&self, physics: &Physics) -> Result<Carriage, ModelError> {
+        let model = physics.model(0.0)?;
+        let (angle, rate) = self.encoders.unread(physics);
+        let moves = !physics.links.is_empty();
+        let mut out = Carriage {
+            mass_kg: model.total_mass_kg(),
+            com_m: Vec::with_capacity(angle.len()),
+            inertia_kg_m2: Vec::with_capacity(angle.len()),
+            joint_momentum: Vec::with_capacity(angle.len()),
+            samples: Vec::with_capacity(angle.len()),
+        };
+        let at_rest = Coordinates::zeros();
+        let (com, inertia) = (model.center_of_mass(&at_rest), model.inertia_about_com(&at_rest));
+        for (q_rad, qd_rad_s) in angle.into_iter().zip(rate) {
+            out.samples.push(JointSample { q_rad, qd_rad_s });
+            if moves {
+                let state = State { q: joints_only(&q_rad), v: joints_only(&qd_rad_s) };
+                let com = model.center_of_mass(&state.q);
+                out.com_m.push([com.x, com.y]);
+                out.inertia_kg_m2.push(model.inertia_about_com(&state.q));
+                out.joint_momentum.push(model.momentum(&state).angular_about_com);
+            } else {
+                out.com_m.push([com.x, com.y]);
+                out.inertia_kg_m2.push(inertia);
+                out.joint_momentum.push(0.0);
+            }
+        }
+        Ok(out)
+    }
+
+    fn thrust(
+        &self,
+        plant: &Plant,
+        effects: &[Effect],
+        physics: &Physics,
+        carriage: &Carriage,
+    ) -> Result<Arc<Vec<[f64; 3]>>, ModelError> {
+        let grid = self.pose.grid;
+        let same = |a: &Physics, b: &Physics| {
+            a.thrusters == b.thrusters
+                && a.supply == b.supply
+                && a.sensors.clock_offset_s == b.sensors.clock_offset_s
+                && !a.thrusters.iter().chain(&b.thrusters).any(|t| t.plume_fraction > 0.0)
+        };
+        self.thrusts.get(physics, same, || {
+            let rollout = Rollout::with(plant, effects)?;
+            let cells = Grid { start_s: grid.start_s, step_s: grid.step_s, steps: grid.cells };
+            // One sample for the middle of each cell, where the rollout wants two a step.
+            let joints: Vec<JointSample> = carriage.samples.iter().flat_map(|s| [*s, *s]).collect();
+            Ok(rollout.thrust(&self.valves, &cells, &joints))
+        })
+    }
+
+    /// Lets the next motion asked for be the one that is kept.
+    #[allow(dead_code)]
+    pub(super) fn forget(&self) {
+        self.paths.forget();
+        self.carriages.forget();
+        self.thrusts.forget();
+    }
+
+    pub(super) fn motion(&self, plant: &Plant, effects: &[Effect]) -> Result<Motion, ModelError> {
+        let physics = Physics::with(plant, effects);
+        let path = self.path(&physics);
+        let carriage = self.carriage(&physics)?;
+        let thrust = self.thrust(plant, effects, &physics, &carriage)?;
+        let grid = self.pose.grid;
+        let (pose, rate) = integrate(&physics, grid, &path, &carriage, &thrust);
+        let [mx, my] = physics.sensors.marker_offset_m;
+        let marker = |p: &[f64; 3]| rotated(p[2].sin_cos(), [mx, my]);
+        Ok(Motion { marker_m: path.pose.iter().map(marker).collect(), physics, grid, pose, rate })
+    }
+}
+
+/// Momentum from forces, pose and rate from momentum.
+fn integrate(
+    physics: &Physics,
+    grid: crate::path::TimeGrid,
+    path: &Path,
+    carriage: &Carriage,
+    thrust: &[[f64; 3]],
+) -> (Vec<[f64; 3]>, Vec<f64>) {
+    let dt = grid.step_s;
+    let com: Vec<[f64; 2]> = path.pose.iter().zip(&carriage.com_m).map(|(p, c)| rotated(p[2].sin_cos(), *c)).collect();
+    let (first, inertia) = (path.pose[0], &carriage.inertia_kg_m2);
+    let mut place = [first[0] + com[0][0], first[1] + com[0][1]];
+    let mut speed: [f64; 2] = std::array::from_fn(|i| path.velocity[0][i] + (com[1][i] - com[0][i]) / dt);
+    let mut momentum = inertia[0] * path.velocity[0][2] + carriage.joint_momentum[0];
+    let mut theta = first[2];
+    let (mut poses, mut rates) = (Vec::with_capacity(grid.cells + 1), Vec::with_capacity(grid.cells + 1));
+    for k in 0..=grid.cells {
+        poses.push([place[0] - com[k][0], place[1] - com[k][1], theta]);
+        rates.push((momentum - carriage.joint_momentum[k]) / inertia[k]);
+        if k == grid.cells {
+            break;
+        }
+        let middle = |a: f64, b: f64| 0.5 * (a + b);
+        let pose: [f64; 3] = std::array::from_fn(|i| middle(path.pose[k][i], path.pose[k + 1][i]));
+        let velocity: [f64; 3] = std::array::from_fn(|i| middle(path.velocity[k][i], path.velocity[k + 1][i]));
+        let arm: [f64; 2] = std::array::from_fn(|i| middle(com[k][i], com[k + 1][i]));
+        let [fx, fy] = rotated(pose[2].sin_cos(), [thrust[k][0], thrust[k][1]]);
+        let mut wrench = [fx, fy, thrust[k][2]];
+        if !physics.base_laws.is_empty() {
+            let law = physics.base_wrench(&BaseMotion { t_s: grid.edge_s(k) + 0.5 * dt, pose, velocity });
+            wrench.iter_mut().zip(law).for_each(|(w, l)| *w += l);
+        }
+        let torque = wrench[2] - (arm[0] * wrench[1] - arm[1] * wrench[0]);
+        for i in 0..2 {
+            let acceleration = wrench[i] / carriage.mass_kg + physics.gravity_m_s2[i];
+            place[i] += dt * (speed[i] + 0.5 * dt * acceleration);
+            speed[i] += dt * acceleration;
+        }
+        let joint = middle(carriage.joint_momentum[k], carriage.joint_momentum[k + 1]);
+        theta += dt * (momentum + 0.5 * dt * torque - joint) / middle(inertia[k], inertia[k + 1]);
+        momentum += dt * torque;
+    }
+    (poses, rates)
+}
+
+impl Motion {
+    fn between(&self, t_s: f64) -> (usize, f64) {
+        let (k, into_s) = self.grid.locate(t_s);
+        (k, into_s / self.grid.step_s)
+    }
+
+    /// What motion capture reads of the base at a time, linear between edges and beyond them.
+    pub(super) fn pose_reading(&self, t_s: f64) -> [f64; 3] {
+        let (k, share) = self.between(t_s);
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        let [x, y, theta]: [f64; 3] = std::array::from_fn(|i| mix(self.pose[k][i], self.pose[k + 1][i]));
+        let marker: [f64; 2] = std::array::from_fn(|i| mix(self.marker_m[k][i], self.marker_m[k + 1][i]));
+        let sensors = &self.physics.sensors;
+        sensors.pose_reading([x + marker[0], y + marker[1], theta + sensors.marker_yaw_rad])
+    }
+
+    /// Rate of the base at a time (rad/s).
+    pub(super) fn rate(&self, t_s: f64) -> f64 {
+        let (k, share) = self.between(t_s);
+        self.rate[k] + share * (self.rate[k + 1] - self.rate[k])
+    }
+}
+
+fn rotated((sin, cos): (f64, f64), [x, y]: [f64; 2]) -> [f64; 2] {
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+fn joints_only(joints: &JointVector) -> Coordinates {
+    let mut q = Coordinates::zeros();
+    q.fixed_rows_mut::<{ MAX_DOF - 3 }>(3).copy_from(joints);
+    q
+}

@@ -1,0 +1,186 @@
+//! The measured path of a run: smooth motion of base and joints, from the sensors alone. No plant plays a part in it, so that
+//! deviations from it stay small however large a fault is.
+
+use fss_estimation::smoothing::{Measurement, Noise, Smoothed, smooth};
+use fss_identify::measured::{Many, Run};
+use fss_multibody::{JointVector, MAX_LINKS};
+use fss_plant::{Physics, Sensors, Stream};
+
+/// Times at equal distances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TimeGrid {
+    pub(crate) start_s: f64,
+    pub(crate) step_s: f64,
+    /// Number of cells; there is one edge more.
+    pub(crate) cells: usize,
+}
+
+impl TimeGrid {
+    pub(crate) fn over(from_s: f64, to_s: f64, step_s: f64) -> Self {
+        Self { start_s: from_s, step_s, cells: ((to_s - from_s) / step_s).ceil().max(1.0) as usize }
+    }
+
+    pub(crate) fn edge_s(&self, k: usize) -> f64 {
+        self.start_s + k as f64 * self.step_s
+    }
+
+    pub(crate) fn edges_s(&self) -> Vec<f64> {
+        (0..=self.cells).map(|k| self.edge_s(k)).collect()
+    }
+
+    /// Cell that holds a time, and how far into it, s; outside, the first or last cell goes on.
+    pub(crate) fn locate(&self, t_s: f64) -> (usize, f64) {
+        let cell = ((t_s - self.start_s) / self.step_s).floor().clamp(0.0, self.cells as f64 - 1.0) as usize;
+        (cell, t_s - self.edge_s(cell))
+    }
+}
+
+/// Pose and velocity as motion capture showed them, at the edges of a grid: m, m, rad, and per second.
+#[derive(Clone, Debug)]
+pub(crate) struct PosePath {
+    pub(crate) grid: TimeGrid,
+    pub(crate) pose: Vec<[f64; 3]>,
+    pub(crate) velocity: Vec<[f64; 3]>,
+}
+
+impl PosePath {
+    /// Smooths blocks of samples: their times, means, and the standard deviations of these.
+    pub(crate) fn smoothed(t_s: &[f64], values: &[[f64; 3]], sd: [f64; 3], grid: TimeGrid) -> Self {
+        let edges = grid.edges_s();
+        let middle: [f64; 3] = std::array::from_fn(|i| values.iter().map(|v| v[i]).sum::<f64>() / values.len() as f64);
+        let axes: [Vec<Smoothed>; 3] = std::array::from_fn(|i| {
+            let angle = |v: &[f64; 3]| Some(v[i] - middle[i]);
+            let rows = t_s.iter().zip(values).map(|(t, v)| Measurement { t_s: *t, angle: angle(v), rate: None });
+            smooth(&rows.collect::<Vec<_>>(), Noise { angle: sd[i], rate: 1.0 }, &edges)
+        });
+        let at = |f: fn(&Smoothed) -> f64, offset: [f64; 3]| {
+            (0..edges.len()).map(|k| std::array::from_fn(|i| f(&axes[i][k]) + offset[i])).collect()
+        };
+        Self { grid, pose: at(|s| s.angle, middle), velocity: at(|s| s.rate, [0.0; 3]) }
+    }
+
+    /// Pose and velocity at a time; beyond the ends the motion goes on evenly.
+    pub(crate) fn at(&self, t_s: f64) -> ([f64; 3], [f64; 3]) {
+        let (k, into_s) = self.grid.locate(t_s);
+        let share = (into_s / self.grid.step_s).clamp(0.0, 1.0);
+        let velocity: [f64; 3] =
+            std::array::from_fn(|i| self.velocity[k][i] + share * (self.velocity[k + 1][i] - self.velocity[k][i]));
+        let beyond_s = into_s - share * self.grid.step_s;
+        let pose = std::array::from_fn(|i| {
+            self.pose[k][i] + share * (self.pose[k + 1][i] - self.pose[k][i]) + beyond_s * velocity[i]
+        });
+        (pose, velocity)
+    }
+
+    /// The motion of the base that these sensors show in this way: the inverse of their reading.
+    pub(crate) fn unread(&self, physics: &Physics) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+        let sensors = &physics.sensors;
+        let age_s = sensors.age_s(Stream::BasePose);
+        let (sin, cos) = sensors.mocap_rotation_rad.sin_cos();
+        let [mx, my] = sensors.marker_offset_m;
+        (0..self.pose.len())
+            .map(|k| {
+                let (read, rate) =
+                    if age_s == 0.0 { (self.pose[k], self.velocity[k]) } else { self.at(self.grid.edge_s(k) + age_s) };
+                let theta = read[2] - sensors.mocap_rotation_rad - sensors.marker_yaw_rad;
+                let (s, c) = theta.sin_cos();
+                let marker = [c * mx - s * my, s * mx + c * my];
+                let back = |v: [f64; 3]| [cos * v[0] + sin * v[1], -sin * v[0] + cos * v[1]];
+                let (place, speed) = (back(read), back(rate));
+                let pose = [place[0] - marker[0], place[1] - marker[1], theta];
+                let velocity = [speed[0] + rate[2] * marker[1], speed[1] - rate[2] * marker[0], rate[2]];
+                (pose, velocity)
+            })
+            .unzip()
+    }
+}
+
+/// Encoder angles and rates as telemetry and commands tell them, at the edges of a grid: rad, rad/s.
+#[derive(Clone, Debug)]
+pub(crate) struct EncoderPath {
+    pub(crate) grid: TimeGrid,
+    pub(crate) angle: Vec<JointVector>,
+    pub(crate) rate: Vec<JointVector>,
+}
+
+impl EncoderPath {
+    /// Between two reports a joint deviates smoothly from its command; without reports it follows its command.
+    pub(crate) fn smoothed(run: &Run, sensors: &Sensors, joints: usize, grid: TimeGrid) -> Self {
+        let edges = grid.edges_s();
+        let zeros = vec![JointVector::zeros(); edges.len()];
+        let mut path = Self { grid, angle: zeros.clone(), rate: zeros };
+        for joint in 0..joints.min(MAX_LINKS) {
+            let command = |t: f64| run.joint_command.as_ref().and_then(|c| command_at(c, joint, t)).unwrap_or([0.0; 2]);
+            let reports = reports(run, joint, &command);
+            let deviation = smooth(&reports, noise(sensors), &edges);
+            for (k, t) in edges.iter().enumerate() {
+                let [angle, rate] = command(*t);
+                path.angle[k][joint] = angle + deviation[k].angle;
+                path.rate[k][joint] = rate + deviation[k].rate;
+            }
+        }
+        path
+    }
+
+    /// Angles and rates of the links that these encoders and drives show in this way.
+    pub(crate) fn unread(&self, physics: &Physics) -> (Vec<JointVector>, Vec<JointVector>) {
+        let (mut angle, mut rate) = (self.angle.clone(), self.rate.clone());
+        for (i, joint) in physics.joints.iter().enumerate().take(MAX_LINKS) {
+            let shift = physics.sensors.link_age_s(i) / self.grid.step_s;
+            for k in 0..angle.len() {
+                let read = |series: &[JointVector]| interpolated(series, k as f64 + shift, i);
+                let motor = (read(&self.angle) - joint.encoder_offset_rad) / joint.encoder_scale;
+                let motor_rate = read(&self.rate) / joint.encoder_scale;
+                let link = motor + joint.kinematic_error_rad * (joint.kinematic_cycles * motor).sin();
+                angle[k][i] = link;
+                rate[k][i] = motor_rate / joint.gear_ratio(link);
+            }
+        }
+        (angle, rate)
+    }
+}
+
+fn interpolated(series: &[JointVector], at: f64, joint: usize) -> f64 {
+    let last = series.len() - 1;
+    let at = at.clamp(0.0, last as f64);
+    let k = (at.floor() as usize).min(last.saturating_sub(1));
+    let next = (k + 1).min(last);
+    series[k][joint] + (at - k as f64) * (series[next][joint] - series[k][joint])
+}
+
+fn noise(sensors: &Sensors) -> Noise {
+    let step = sensors.encoder_step_rad / 12.0_f64.sqrt();
+    Noise { angle: sensors.encoder_rad.hypot(step).max(1e-7), rate: sensors.encoder_rate_rad_s.max(1e-7) }
+}
+
+fn reports(run: &Run, joint: usize, command: &dyn Fn(f64) -> [f64; 2]) -> Vec<Measurement> {
+    let Some(joints) = &run.joints else { return Vec::new() };
+    let value = |all: &[Vec<f64>], k: usize| all.get(joint).and_then(|v| v.get(k)).copied().filter(|v| v.is_finite());
+    let rows = joints.t_s.iter().enumerate().map(|(k, t)| {
+        let [angle, rate] = command(*t);
+        Measurement {
+            t_s: *t,
+            angle: value(&joints.q_rad, k).map(|q| q - angle),
+            rate: value(&joints.qd_rad_s, k).map(|v| v - rate),
+        }
+    });
+    rows.filter(|m| m.angle.is_some() || m.rate.is_some()).collect()
+}
+
+/// A commanded angle and its rate: cubic between rows, whose rates are those of a parabola through their neighbours.
+fn command_at(command: &Many, joint: usize, t_s: f64) -> Option<[f64; 2]> {
+    let (times, values) = (&command.t_s, command.values.get(joint)?);
+    let after = times.partition_point(|t| *t <= t_s);
+    if after == 0 || after >= times.len() {
+        return Some([command.at(joint, t_s).or(values.first().copied())?, 0.0]);
+    }
+    let (t0, t1) = (times[after - 1], times[after]);
+    let (h, u) = (t1 - t0, (t_s - t0) / (t1 - t0));
+    let (p0, p1) = (values[after - 1], values[after]);
+    let (m0, m1) = (command.rate_at(joint, t0)? * h, command.rate_at(joint, t1)? * h);
+    let (u2, u3) = (u * u, u * u * u);
+    let angle =
+        (2.0 * u3 - 3.0 * u2 + 1.0) * p0 + (u3 - 2.0 * u2 + u) * m0 + (3.0 * u2 - 2.0 * u3) * p1 + (u3 - u2) * m1;
+    let slope = (6.0 * u2 - 6.0 * u) * (p0 - p1) + (3.0 * u2 - 4.0 * u + 1.0) * m0 + (3.0 * u2 - 2.0 * u) * m1;
+    Some([angle, slope / h])
+}
