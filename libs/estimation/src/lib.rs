@@ -5,6 +5,8 @@
 //! - [`StateSpace`]: a Kalman filter that whitens them.
 
 mod columns;
+pub mod evidence;
+pub mod pattern_search;
 pub mod processes;
 pub mod smoothing;
 mod whitening;

@@ -99,6 +99,9 @@ static CATALOGUE: &[&dyn EffectKind] = &[
     &unmodelled::Unmodelled,
 ];
 
+/// The id of what is none of the catalogue's.
+pub const UNMODELLED: &str = "unmodelled";
+
 /// Every kind of effect, in the order of the documentation.
 pub fn catalogue() -> &'static [&'static dyn EffectKind] {
     CATALOGUE

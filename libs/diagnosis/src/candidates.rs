@@ -1,0 +1,167 @@
+//! The causes that a plant can have, each with the coordinates in which a prediction is linear and their priors.
+
+use fss_plant::effects::catalogue;
+use fss_plant::{Effect, EffectKind, Index, Place, Plant, Prior, Response, effects};
+
+/// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
+const LAWS: [(&str, Period); 3] =
+    [("base_force", Period::Run), ("base_torque", Period::Run), ("base_torque_by_heading", Period::Turn)];
+/// Periods of a turn that a torque by heading is tried with.
+const TURNS: [f64; 2] = [1.0, 2.0];
+/// Frequencies of a force in time: multiples of half the inverse run length, up to this many.
+const HARMONICS: usize = 40;
+
+/// What a law's frequencies are multiples of.
+#[derive(Clone, Copy, PartialEq)]
+enum Period {
+    Run,
+    Turn,
+}
+
+/// A possible cause.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidate {
+    /// The effect at its nominal values.
+    pub(crate) nominal: Effect,
+    /// The kind that it is one of, for the prior: each kind is as likely as any other.
+    pub(crate) kind: String,
+    pub(crate) prior: Prior,
+    /// Value of the shape, of [`Response::Shape`].
+    shape: f64,
+    /// Number of coordinates.
+    pub(crate) size: usize,
+    /// Whether it is a law that no known effect is.
+    pub(crate) is_law: bool,
+}
+
+impl Candidate {
+    /// Bounds of a coordinate.
+    pub(crate) fn bounds(&self, coordinate: usize) -> [f64; 2] {
+        let parameter = &self.nominal.about().parameters[coordinate.min(self.nominal.values().len() - 1)];
+        let nominal = self.nominal.values()[coordinate.min(self.nominal.values().len() - 1)];
+        match self.prior.response {
+            _ if self.is_law => [f64::NEG_INFINITY, f64::INFINITY],
+            Response::Linear => [parameter.lower - nominal, parameter.upper - nominal],
+            Response::Strength | Response::Shape(_) if coordinate == 0 => {
+                [parameter.lower - nominal, parameter.upper - nominal]
+            }
+            Response::Inverse => [0.0, f64::INFINITY],
+            _ => [f64::NEG_INFINITY, f64::INFINITY],
+        }
+    }
+
+    /// Special values of the first coordinate.
+    pub(crate) fn points(&self) -> Vec<f64> {
+        self.prior.points.iter().map(|value| value - self.nominal.values()[0]).collect()
+    }
+
+    /// A size of a coordinate at which its action is well seen: the typical one, on the side that its bounds allow.
+    pub(crate) fn probe(&self, coordinate: usize) -> f64 {
+        let typical = self.prior.typical[coordinate];
+        if self.bounds(coordinate)[1] < typical { -typical } else { typical }
+    }
+
+    /// The effects at these coordinates; none where all are 0.
+    pub(crate) fn at(&self, c: &[f64]) -> Vec<Effect> {
+        if c.iter().all(|c| *c == 0.0) {
+            return Vec::new();
+        }
+        if self.is_law {
+            return self.law(c);
+        }
+        let nominal = self.nominal.values();
+        let mut values = nominal.to_vec();
+        match self.prior.response {
+            Response::Linear => values.iter_mut().zip(c).for_each(|(v, c)| *v += c),
+            Response::Strength => {
+                values[0] = nominal[0] + c[0];
+                (1..c.len()).for_each(|i| values[i] = if c[0] == 0.0 { 0.0 } else { c[i] / c[0] });
+            }
+            Response::Shape(_) => {
+                values[0] = nominal[0] + c[0];
+                values[1] = self.shape;
+            }
+            Response::Inverse => values[0] = 1.0 / (c[0] + 1.0 / nominal[0]).max(1e-9),
+            Response::Discrete => {}
+        }
+        for (value, parameter) in values.iter_mut().zip(self.nominal.about().parameters) {
+            *value = value.clamp(parameter.lower, parameter.upper);
+        }
+        vec![self.nominal.clone().with(&values)]
+    }
+
+    /// A law's coordinates are the strengths of its cosine and sine, of a force along x, then y.
+    fn law(&self, c: &[f64]) -> Vec<Effect> {
+        let part = |along: f64, cos: f64, sin: f64| {
+            let strength = cos.hypot(sin);
+            (strength > 0.0).then(|| self.nominal.clone().with(&[strength, self.shape, along, cos.atan2(sin)]))
+        };
+        let second = (c.len() == 4).then(|| part(std::f64::consts::FRAC_PI_2, c[2], c[3])).flatten();
+        part(0.0, c[0], c[1]).into_iter().chain(second).collect()
+    }
+}
+
+/// Every cause that the plant can have, laws of runs as long as `duration_s` among them.
+pub(crate) fn candidates(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
+    let mut all: Vec<Candidate> = effects::candidates(plant).iter().flat_map(|effect| of(effect, plant, "")).collect();
+    // What all thrusters or all links share lies upstream of them.
+    let shared = |kind: &&&dyn EffectKind| {
+        kind.about().index == Index::Thruster && kind.prior(plant, None).response == Response::Linear
+    };
+    for kind in catalogue().iter().filter(shared).filter(|_| !plant.thrusters.is_empty()) {
+        all.extend(of(&Effect::of(*kind).nominal(plant), plant, " of all"));
+    }
+    all.extend(laws(plant, duration_s));
+    all
+}
+
+fn of(effect: &Effect, plant: &Plant, suffix: &str) -> Vec<Candidate> {
+    let prior = effect.kind().prior(plant, effect.index().map(|i| i - 1));
+    let kind = format!("{}{suffix}", effect.id());
+    let one = |size: usize, shape: f64| Candidate {
+        nominal: effect.clone(),
+        kind: kind.clone(),
+        prior,
+        shape,
+        size,
+        is_law: false,
+    };
+    match prior.response {
+        Response::Linear | Response::Strength => vec![one(effect.values().len(), 0.0)],
+        Response::Shape(values) => values.iter().map(|value| one(1, *value)).collect(),
+        Response::Inverse | Response::Discrete => vec![one(1, 0.0)],
+    }
+}
+
+fn laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
+    if plant.base.clamped {
+        return Vec::new();
+    }
+    let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
+    let mut all = Vec::new();
+    for (channel, period) in LAWS {
+        let Ok(nominal) = Effect::new("unmodelled").map(|e| e.on(channel)) else { continue };
+        let is_force = channel == "base_force";
+        let typical = if is_force { 1.5e-3 * mass } else { 5e-3 * inertia };
+        let size = if is_force { 4 } else { 2 };
+        let prior = Prior::sized(&vec![typical; size], &vec![1e-3 * typical; size]);
+        let frequencies: Vec<f64> = match period {
+            Period::Run => (1..=HARMONICS).map(|k| k as f64 / (2.0 * duration_s)).collect(),
+            Period::Turn => TURNS.to_vec(),
+        };
+        all.extend(frequencies.into_iter().map(|shape| Candidate {
+            nominal: nominal.clone(),
+            kind: format!("unmodelled {channel}"),
+            prior,
+            shape,
+            size,
+            is_law: true,
+        }));
+    }
+    all
+}
+
+/// Whether an effect acts on what no thruster, joint or sensor does: laws and known effects alike.
+pub(crate) fn is_sensor(candidate: &Candidate) -> bool {
+    matches!(candidate.nominal.about().place, Place::Sensor | Place::Time)
+}

@@ -1,0 +1,269 @@
+//! The runs as blocks, the possible causes and uncertain values, and the columns that they give: linearize, then whiten.
+
+use crate::base::BaseBlock;
+use crate::block::{Block, HyperParameter};
+use crate::candidates::{Candidate, candidates};
+use crate::uncertain::{Uncertain, uncertain};
+use fss_estimation::Columns;
+use fss_estimation::evidence::Gram;
+use fss_identify::measured::Run;
+use fss_multibody::ModelError;
+use fss_plant::{Effect, Plant, Response};
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+
+/// A block, the run that it is of, and its family: blocks of a family share hyper-parameters.
+struct Member {
+    run: usize,
+    family: usize,
+    block: Box<dyn Block>,
+}
+
+/// A cause of the present model: which candidate, at which coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Present {
+    pub(crate) candidate: usize,
+    pub(crate) coordinates: Vec<f64>,
+}
+
+/// Share of its typical size above which a coordinate's secant through zero is taken, not a probe.
+const SECANT_ABOVE: f64 = 0.05;
+/// Run-to-run variation of causes: median of the prior of its share of a cause's typical size, deviation of its logarithm.
+const VARIATION: HyperParameter = HyperParameter {
+    name: "variation from run to run over typical size",
+    median: 0.05,
+    log_sd: 1.5,
+    bounds: [1e-4, 3.0],
+    is_discrepancy: false,
+};
+
+/// Everything that is linear: runs, causes, uncertain values.
+pub(crate) struct Problem {
+    pub(crate) plant: Plant,
+    members: Vec<Member>,
+    runs: usize,
+    pub(crate) candidates: Vec<Candidate>,
+    /// First parameter of each candidate.
+    pub(crate) first: Vec<usize>,
+    pub(crate) uncertain: Vec<Uncertain>,
+    /// Hyper-parameters of all families, then the variation from run to run.
+    pub(crate) hyper: Vec<HyperParameter>,
+    family_at: Vec<usize>,
+    /// Deviation of each parameter's spike.
+    pub(crate) spikes: Vec<f64>,
+    /// Typical size of each parameter that may vary from run to run; 0 of uncertain values.
+    variation: Vec<f64>,
+}
+
+/// Columns of every block about a model: the data, then every parameter.
+pub(crate) struct Linearized {
+    columns: Vec<Vec<Vec<f64>>>,
+}
+
+impl Problem {
+    pub(crate) fn new(plant: &Plant, runs: &[Run]) -> Result<Self, ModelError> {
+        let blocks: Vec<Option<BaseBlock>> =
+            runs.par_iter().map(|run| BaseBlock::new(plant, run)).collect::<Result<_, _>>()?;
+        let mut members = Vec::new();
+        for (run, block) in blocks.into_iter().enumerate() {
+            members.extend(block.map(|b| Member { run, family: 0, block: Box::new(b) as Box<dyn Block> }));
+        }
+        let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
+        Ok(Self::of(plant, runs.len(), members, candidates(plant, duration_s)))
+    }
+
+    fn of(plant: &Plant, runs: usize, members: Vec<Member>, candidates: Vec<Candidate>) -> Self {
+        let (mut hyper, mut family_at) = (Vec::new(), Vec::new());
+        let families = members.iter().map(|m| m.family + 1).max().unwrap_or(0);
+        for family in 0..families {
+            family_at.push(hyper.len());
+            let of_family = members.iter().find(|m| m.family == family);
+            hyper.extend(of_family.map_or(&[][..], |m| m.block.hyper_parameters()).iter().cloned());
+        }
+        hyper.push(VARIATION);
+        let uncertain = uncertain(plant);
+        let (mut first, mut spikes, mut variation) = (Vec::new(), Vec::new(), Vec::new());
+        for candidate in &candidates {
+            first.push(spikes.len());
+            let discrete = candidate.prior.response == Response::Discrete;
+            for i in 0..candidate.size {
+                spikes.push(if discrete { 1e-6 } else { candidate.prior.spike[i] });
+                variation.push(if discrete { 0.0 } else { candidate.prior.typical[i] });
+            }
+        }
+        spikes.extend(uncertain.iter().map(|_| 1.0));
+        variation.extend(uncertain.iter().map(|_| 0.0));
+        Self { plant: plant.clone(), members, runs, candidates, first, uncertain, hyper, family_at, spikes, variation }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    /// Number of parameters: coordinates of causes and uncertain values.
+    pub(crate) fn parameters(&self) -> usize {
+        self.spikes.len()
+    }
+
+    /// Parameters of a candidate.
+    pub(crate) fn parameters_of(&self, candidate: usize) -> std::ops::Range<usize> {
+        self.first[candidate]..self.first[candidate] + self.candidates[candidate].size
+    }
+
+    /// Parameters of the uncertain values.
+    pub(crate) fn uncertain_parameters(&self) -> std::ops::Range<usize> {
+        self.parameters() - self.uncertain.len()..self.parameters()
+    }
+
+    /// The plant's own effects and those of a model.
+    pub(crate) fn effects(&self, model: &[Present]) -> Vec<Effect> {
+        let news: Vec<Effect> = model.iter().flat_map(|p| self.candidates[p.candidate].at(&p.coordinates)).collect();
+        let replaced = |e: &Effect| news.iter().any(|n| is_same(n, e));
+        self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
+    }
+
+    /// Linearizes every block about a model. Parameters that `wanted` does not hold get no columns.
+    pub(crate) fn linearized(&self, model: &[Present], wanted: &[bool]) -> Result<Linearized, ModelError> {
+        let columns = self.members.par_iter().map(|m| self.columns(m.block.as_ref(), model, wanted));
+        Ok(Linearized { columns: columns.collect::<Result<_, _>>()? })
+    }
+
+    fn columns(&self, block: &dyn Block, model: &[Present], wanted: &[bool]) -> Result<Vec<Vec<f64>>, ModelError> {
+        let base = block.predict(&self.plant, &self.effects(model))?;
+        let mut data: Vec<f64> = block.measured().iter().zip(&base).map(|(y, p)| y - p).collect();
+        let mut columns = vec![Vec::new(); 1 + self.parameters()];
+        for candidate in 0..self.candidates.len() {
+            if !wanted[self.first[candidate]] {
+                continue;
+            }
+            let present = model.iter().find(|p| p.candidate == candidate);
+            let own = self.candidate_columns(block, model, candidate, &base)?;
+            for (i, column) in own.into_iter().enumerate() {
+                let theta = present.map_or(0.0, |p| p.coordinates[i]);
+                if theta != 0.0 {
+                    data.iter_mut().zip(&column).for_each(|(d, c)| *d += theta * c);
+                }
+                columns[1 + self.first[candidate] + i] = column;
+            }
+        }
+        let effects = self.effects(model);
+        for (value, at) in self.uncertain.iter().zip(self.uncertain_parameters()) {
+            let moved = block.predict(&value.moved(&self.plant, 1.0), &effects)?;
+            columns[1 + at] = difference(&moved, &base, 1.0);
+        }
+        columns[0] = data;
+        Ok(columns)
+    }
+
+    /// A column for each coordinate of a candidate: secants through zero where the model has it, probes where not.
+    fn candidate_columns(
+        &self,
+        block: &dyn Block,
+        model: &[Present],
+        candidate: usize,
+        base: &[f64],
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
+        let own = &self.candidates[candidate];
+        let zero = vec![0.0; own.size];
+        let now = model.iter().find(|p| p.candidate == candidate).map_or(&zero, |p| &p.coordinates);
+        let predict = |coordinates: &[f64]| {
+            let mut other: Vec<Present> = model.iter().filter(|p| p.candidate != candidate).cloned().collect();
+            other.push(Present { candidate, coordinates: coordinates.to_vec() });
+            block.predict(&self.plant, &self.effects(&other))
+        };
+        let moved = |from: &[f64], i: usize, to: f64| {
+            let mut coordinates = from.to_vec();
+            coordinates[i] = to;
+            coordinates
+        };
+        if own.prior.response == Response::Discrete {
+            let there = predict(&[1.0])?;
+            return Ok(vec![if now[0] == 0.0 {
+                difference(&there, base, 1.0)
+            } else {
+                difference(base, &predict(&zero)?, 1.0)
+            }]);
+        }
+        let is_strength = own.prior.response == Response::Strength && !own.is_law;
+        let strength = if now[0] == 0.0 { own.probe(0) } else { now[0] };
+        let mut columns = Vec::with_capacity(own.size);
+        // Of a strength with places: the strength alone, at the places 0.
+        let alone = if is_strength { Some(predict(&moved(&zero, 0, strength))?) } else { None };
+        for i in 0..own.size {
+            let significant = now[i].abs() > SECANT_ABOVE * own.prior.typical[i];
+            columns.push(match &alone {
+                Some(alone) if i == 0 => difference(alone, &predict(&zero)?, strength),
+                Some(_) if significant => difference(base, &predict(&moved(now, i, 0.0))?, now[i]),
+                Some(alone) => difference(&predict(&moved(&moved(&zero, 0, strength), i, strength))?, alone, strength),
+                None if significant => difference(base, &predict(&moved(now, i, 0.0))?, now[i]),
+                None => difference(&predict(&moved(now, i, now[i] + own.probe(i)))?, base, own.probe(i)),
+            });
+        }
+        Ok(columns)
+    }
+
+    /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
+    pub(crate) fn gram(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<Gram> {
+        let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| {
+            let mine = self.family_at[member.family];
+            let count = member.block.hyper_parameters().len();
+            let empty = vec![0.0; columns[0].len()];
+            let chosen: Vec<Vec<f64>> = std::iter::once(0)
+                .chain(parameters.iter().map(|p| p + 1))
+                .map(|i| if columns[i].is_empty() { empty.clone() } else { columns[i].clone() })
+                .collect();
+            let mut white = Columns::of(&chosen);
+            let log_det = member.block.whiten(&hyper[mine..mine + count], &mut white);
+            let matrix = DMatrix::from_fn(white.rows(), white.width(), |i, j| white.row(i)[j]);
+            (member.run, Gram { products: matrix.tr_mul(&matrix), log_det })
+        };
+        let all: Vec<(usize, Gram)> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();
+        let n = parameters.len() + 1;
+        let mut sum = Gram { products: DMatrix::zeros(n, n), log_det: 0.0 };
+        let kappa = *hyper.last()?;
+        let sd: Vec<f64> = parameters.iter().map(|p| kappa * self.variation[*p]).collect();
+        for run in 0..self.runs {
+            let mut own = Gram { products: DMatrix::zeros(n, n), log_det: 0.0 };
+            for (_, gram) in all.iter().filter(|(of, _)| *of == run) {
+                own.products += &gram.products;
+                own.log_det += gram.log_det;
+            }
+            let own = varied(own, &sd)?;
+            sum.products += own.products;
+            sum.log_det += own.log_det;
+        }
+        Some(sum)
+    }
+}
+
+/// A run's Gram matrix after its own perturbation of every parameter, of these standard deviations, is integrated out.
+fn varied(mut gram: Gram, sd: &[f64]) -> Option<Gram> {
+    let active: Vec<usize> = (0..sd.len()).filter(|i| sd[*i] > 0.0).collect();
+    if active.is_empty() {
+        return Some(gram);
+    }
+    let k = active.len();
+    let of = |a: usize, b: usize| gram.products[(active[a] + 1, active[b] + 1)];
+    let scaled = DMatrix::from_fn(k, k, |a, b| sd[active[a]] * of(a, b) * sd[active[b]] + f64::from(u8::from(a == b)));
+    let cholesky = Cholesky::new(scaled)?;
+    let n = gram.products.ncols();
+    let mut rows = DMatrix::from_fn(k, n, |a, j| sd[active[a]] * gram.products[(active[a] + 1, j)]);
+    cholesky.l_dirty().solve_lower_triangular_mut(&mut rows);
+    gram.products -= rows.tr_mul(&rows);
+    gram.log_det += 2.0 * (0..k).map(|i| cholesky.l_dirty()[(i, i)].ln()).sum::<f64>();
+    Some(gram)
+}
+
+fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| (a - b) / by).collect()
+}
+
+fn span_s(block: &dyn Block) -> f64 {
+    let t = block.time_of_row();
+    t.last().copied().unwrap_or(0.0) - t.first().copied().unwrap_or(0.0)
+}
+
+/// Whether two are the same cause, whatever its size.
+pub(crate) fn is_same(a: &Effect, b: &Effect) -> bool {
+    a.id() == b.id() && a.index() == b.index() && a.channel() == b.channel() && a.id() != fss_plant::effects::UNMODELLED
+}

@@ -1,0 +1,433 @@
+//! The search: marginal likelihoods of sets of causes, the noise's strength inferred with each.
+//!
+//! A set of causes is judged at the hyper-parameters that suit it best: at the strength that the empty set needs, all causes
+//! look alike; a cause shows at the strength that it leaves. So the sets are compared on a ladder of strengths, the best set's
+//! hyper-parameters are optimized, everything is linearized anew about it, until set and values stand still.
+
+use crate::problem::{Linearized, Present, Problem};
+use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
+use fss_estimation::pattern_search::maximize;
+use fss_multibody::ModelError;
+use fss_plant::{Response, SLAB_WIDTHS};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Prior probability of so many causes.
+const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
+/// Sets that are extended at each size.
+const BEAM: usize = 8;
+/// Strengths of the discrepancy that sets are compared at, over the present ones.
+const LADDER: [f64; 7] = [1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3];
+/// Rounds of search, optimization and linearization at the most.
+const ROUNDS: usize = 8;
+/// A change of a coordinate below this share of its deviation stands still.
+const STANDS_STILL: f64 = 0.2;
+/// Standard deviation of a discrete cause's coordinate about 1.
+const DISCRETE_SD: f64 = 0.01;
+
+/// Hyper-parameters and everything that follows from the data at them.
+pub(crate) struct HyperPoint {
+    pub(crate) hyper: Vec<f64>,
+    log_prior: f64,
+    pub(crate) posterior: SpikePosterior,
+}
+
+/// A set of causes with its posterior.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    /// Candidates, in the order in which they were added.
+    pub(crate) causes: Vec<usize>,
+    /// Which slab or point each is in.
+    pub(crate) classes: Vec<usize>,
+    /// Logarithm of the marginal likelihood, hyper-parameters at their best, summed over the classes of the last cause.
+    pub(crate) log_likelihood: f64,
+    /// The same with the prior of the set.
+    pub(crate) log_posterior: f64,
+}
+
+/// What the search came to.
+pub(crate) struct Searched {
+    pub(crate) points: Vec<HyperPoint>,
+    /// All sets that were judged, most probable first, each with its probability.
+    pub(crate) sets: Vec<(Found, f64)>,
+    /// The most probable set at its estimates.
+    pub(crate) model: Vec<Present>,
+    /// Its hyper-parameters.
+    pub(crate) hyper: Vec<f64>,
+    /// Those of no cause at all.
+    pub(crate) null_hyper: Vec<f64>,
+    pub(crate) linearized: Linearized,
+    /// Parameters that the search knew of.
+    pub(crate) parameters: Vec<usize>,
+    pub(crate) position: Vec<Option<usize>>,
+}
+
+struct Search<'a> {
+    problem: &'a Problem,
+    /// Parameters in the Gram matrices, and the place of each of the problem's parameters among them.
+    parameters: Vec<usize>,
+    position: Vec<Option<usize>>,
+    /// Logarithm of each candidate's prior among all.
+    log_prior: Vec<f64>,
+}
+
+pub(crate) fn search(problem: &Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched, ModelError> {
+    let wanted = vec![true; problem.parameters()];
+    say("linearizing");
+    let mut linearized = problem.linearized(&[], &wanted)?;
+    let search = Search::new(problem);
+    say("inferring the noise without causes");
+    let start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
+    let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0);
+    let mut hyper = null_hyper.clone();
+    let mut model: Vec<Present> = Vec::new();
+    for round in 1..=ROUNDS {
+        say(&format!("searching, round {round}"));
+        let points = search.points(&linearized, &null_hyper, &hyper);
+        let sets = search.beam(&points, round.min(SIZES.len() - 1));
+        let best = &sets[0];
+        let estimate = search.estimate(&points, best);
+        let same = search.stands_still(&model, &estimate) && round >= SIZES.len().min(best.causes.len() + 2);
+        if same || round == ROUNDS {
+            let sets = probabilities(sets);
+            let (parameters, position) = (search.parameters.clone(), search.position.clone());
+            return Ok(Searched { points, sets, model, hyper, null_hyper, linearized, parameters, position });
+        }
+        let changed = !search.stands_still(&model, &estimate);
+        model = estimate.0;
+        if changed {
+            say(&format!("linearizing about {}", search.names(&model)));
+            linearized = problem.linearized(&model, &wanted)?;
+        }
+        hyper = search.optimized(&linearized, &best.causes, &best.classes, &hyper, 0.5);
+    }
+    unreachable_round()
+}
+
+/// The loop above always returns in its last round.
+fn unreachable_round() -> Result<Searched, ModelError> {
+    unreachable!("the last round returns")
+}
+
+fn probabilities(sets: Vec<Found>) -> Vec<(Found, f64)> {
+    let top = sets.first().map_or(0.0, |s| s.log_posterior);
+    let sum: f64 = sets.iter().map(|s| (s.log_posterior - top).exp()).sum();
+    sets.into_iter()
+        .map(|s| {
+            let p = (s.log_posterior - top).exp() / sum;
+            (s, p)
+        })
+        .collect()
+}
+
+impl<'a> Search<'a> {
+    fn new(problem: &'a Problem) -> Self {
+        let parameters: Vec<usize> = (0..problem.parameters()).collect();
+        let position = (0..problem.parameters()).map(Some).collect();
+        let mut count: HashMap<&str, usize> = HashMap::new();
+        problem.candidates.iter().for_each(|c| *count.entry(&c.kind).or_default() += 1);
+        let kinds = count.len() as f64;
+        let log_prior = problem.candidates.iter().map(|c| -(kinds * count[c.kind.as_str()] as f64).ln()).collect();
+        Self { problem, parameters, position, log_prior }
+    }
+
+    fn names(&self, model: &[Present]) -> String {
+        let effects: Vec<String> = model
+            .iter()
+            .flat_map(|p| self.problem.candidates[p.candidate].at(&p.coordinates))
+            .map(|e| e.to_string())
+            .collect();
+        effects.join(", ")
+    }
+
+    fn log_prior_of(&self, hyper: &[f64]) -> f64 {
+        let density = |(h, value): (&crate::block::HyperParameter, &f64)| {
+            let z = (value / h.median).ln() / h.log_sd;
+            -0.5 * z * z
+        };
+        self.problem.hyper.iter().zip(hyper).map(density).sum()
+    }
+
+    fn point(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<HyperPoint> {
+        let gram = self.problem.gram(linearized, hyper, parameters)?;
+        let spikes: Vec<f64> = parameters.iter().map(|p| self.problem.spikes[*p]).collect();
+        let posterior = SpikePosterior::new(&gram, &spikes)?;
+        Some(HyperPoint { hyper: hyper.to_vec(), log_prior: self.log_prior_of(hyper), posterior })
+    }
+
+    /// Hyper-parameters that suit a set best, from `start`; only the set's own columns and the uncertain values play a part.
+    fn optimized(
+        &self,
+        linearized: &Linearized,
+        causes: &[usize],
+        classes: &[usize],
+        start: &[f64],
+        width: f64,
+    ) -> Vec<f64> {
+        let parameters: Vec<usize> = causes
+            .iter()
+            .flat_map(|c| self.problem.parameters_of(*c))
+            .chain(self.problem.uncertain_parameters())
+            .collect();
+        let mut position = vec![None; self.problem.parameters()];
+        parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
+        let bounded = |logs: &[f64]| -> Vec<f64> {
+            logs.iter().zip(&self.problem.hyper).map(|(l, h)| l.exp().clamp(h.bounds[0], h.bounds[1])).collect()
+        };
+        let value = |logs: &[f64]| {
+            let hyper = bounded(logs);
+            let Some(point) = self.point(linearized, &hyper, &parameters) else { return f64::NEG_INFINITY };
+            let Some(slabs) = self.slabs(causes, classes, &position) else { return f64::NEG_INFINITY };
+            point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
+        };
+        let logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
+        let steps: Vec<f64> = self.problem.hyper.iter().map(|h| width * h.log_sd.min(1.5)).collect();
+        let (best, _) = maximize(&logs, &steps, 0.08, 250, value);
+        bounded(&best)
+    }
+
+    /// The hyper-parameters that sets are compared at: the ladder down from those of no cause, and about the present ones.
+    fn points(&self, linearized: &Linearized, null: &[f64], present: &[f64]) -> Vec<HyperPoint> {
+        let mut grid: Vec<Vec<f64>> = Vec::new();
+        let scaled = |from: &[f64], a: f64, b: f64| -> Vec<f64> {
+            let scale = |(i, (value, h)): (usize, (&f64, &crate::block::HyperParameter))| {
+                let by = if !h.is_discrepancy {
+                    1.0
+                } else if i % 2 == 0 {
+                    a
+                } else {
+                    b
+                };
+                (value * by).clamp(h.bounds[0], h.bounds[1])
+            };
+            from.iter().zip(&self.problem.hyper).enumerate().map(scale).collect()
+        };
+        for (i, a) in LADDER.iter().enumerate() {
+            for (j, b) in LADDER.iter().enumerate() {
+                if i.abs_diff(j) <= 1 {
+                    grid.push(scaled(null, *a, *b));
+                }
+            }
+        }
+        for a in [0.7, 1.0, 1.4] {
+            for b in [0.7, 1.0, 1.4] {
+                grid.push(scaled(present, a, b));
+            }
+        }
+        grid.dedup();
+        grid.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters)).collect()
+    }
+
+    fn classes(&self, candidate: usize) -> usize {
+        let own = &self.problem.candidates[candidate];
+        if own.prior.response == Response::Discrete { 1 } else { SLAB_WIDTHS.len() + own.prior.points.len() }
+    }
+
+    /// The priors of a set's parameters.
+    fn slabs(&self, causes: &[usize], classes: &[usize], position: &[Option<usize>]) -> Option<Vec<Slab>> {
+        let mut slabs = Vec::new();
+        for (candidate, class) in causes.iter().zip(classes) {
+            let own = &self.problem.candidates[*candidate];
+            for (i, parameter) in self.problem.parameters_of(*candidate).enumerate() {
+                let parameter = position[parameter]?;
+                let bounds = own.bounds(i);
+                let (mean, sd) = match (own.prior.response, SLAB_WIDTHS.get(*class)) {
+                    (Response::Discrete, _) => (1.0, DISCRETE_SD),
+                    (_, Some(width)) => (0.0, width * own.prior.typical[i]),
+                    (_, None) => (own.points()[class - SLAB_WIDTHS.len()], own.prior.spike[i]),
+                };
+                let free = [f64::NEG_INFINITY, f64::INFINITY];
+                slabs.push(Slab { parameter, mean, sd, bounds: if mean == 0.0 { bounds } else { free } });
+            }
+        }
+        Some(slabs)
+    }
+
+    /// A set's marginal likelihood at the best of the points, and which that is.
+    fn judge(&self, points: &[HyperPoint], causes: &[usize], classes: &[usize]) -> (f64, usize) {
+        let Some(slabs) = self.slabs(causes, classes, &self.position) else { return (f64::NEG_INFINITY, 0) };
+        let weight: f64 = causes.iter().map(|c| (self.classes(*c) as f64).ln()).sum();
+        let mut best = (f64::NEG_INFINITY, 0);
+        for (i, point) in points.iter().enumerate() {
+            let found =
+                point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior - weight);
+            if found > best.0 {
+                best = (found, i);
+            }
+        }
+        best
+    }
+
+    /// A set with one cause's class free, the others' given.
+    fn extended(&self, points: &[HyperPoint], causes: &[usize], given: &[usize], free: usize) -> (f64, Vec<usize>) {
+        let mut values = Vec::new();
+        let mut best = (f64::NEG_INFINITY, given.to_vec());
+        for class in 0..self.classes(causes[free]) {
+            let mut classes = given.to_vec();
+            classes[free] = class;
+            let (value, _) = self.judge(points, causes, &classes);
+            values.push(value);
+            if value > best.0 {
+                best = (value, classes);
+            }
+        }
+        (log_sum(&values), best.1)
+    }
+
+    fn prior_of_set(&self, causes: &[usize]) -> f64 {
+        let orders: f64 = (1..=causes.len()).map(|i| (i as f64).ln()).sum();
+        SIZES[causes.len()].ln() + orders + causes.iter().map(|c| self.log_prior[*c]).sum::<f64>()
+    }
+
+    /// All sets that the beam meets, most probable first.
+    fn beam(&self, points: &[HyperPoint], largest: usize) -> Vec<Found> {
+        let found = |causes: Vec<usize>, classes: Vec<usize>, log_likelihood: f64| {
+            let log_posterior = log_likelihood + self.prior_of_set(&causes);
+            Found { causes, classes, log_likelihood, log_posterior }
+        };
+        let empty = found(Vec::new(), Vec::new(), self.judge(points, &[], &[]).0);
+        let (mut all, mut front) = (vec![empty.clone()], vec![empty]);
+        for _ in 1..=largest {
+            let mut keys: HashMap<Vec<usize>, (Vec<usize>, Vec<usize>)> = HashMap::new();
+            for set in &front {
+                for candidate in (0..self.problem.candidates.len()).filter(|c| self.goes_with(*c, &set.causes)) {
+                    let mut causes = set.causes.clone();
+                    causes.push(candidate);
+                    let mut key = causes.clone();
+                    key.sort_unstable();
+                    let mut classes = set.classes.clone();
+                    classes.push(0);
+                    keys.entry(key).or_insert((causes, classes));
+                }
+            }
+            let mut news: Vec<Found> = keys
+                .into_values()
+                .collect::<Vec<_>>()
+                .into_par_iter()
+                .map(|(causes, given)| {
+                    let last = causes.len() - 1;
+                    let (value, classes) = self.extended(points, &causes, &given, last);
+                    found(causes, classes, value)
+                })
+                .collect();
+            sort(&mut news);
+            for set in news.iter_mut().take(BEAM) {
+                self.refine_classes(points, set);
+            }
+            sort(&mut news);
+            front = news.iter().take(BEAM).cloned().collect();
+            all.extend(news);
+        }
+        sort(&mut all);
+        all
+    }
+
+    /// Every cause's class in turn, the others' as they are.
+    fn refine_classes(&self, points: &[HyperPoint], set: &mut Found) {
+        for free in 0..set.causes.len() {
+            let (value, classes) = self.extended(points, &set.causes, &set.classes, free);
+            set.log_posterior += value - set.log_likelihood;
+            set.log_likelihood = value;
+            set.classes = classes;
+        }
+    }
+
+    /// A cause is in a set once, whatever its shape.
+    fn goes_with(&self, candidate: usize, causes: &[usize]) -> bool {
+        let own = &self.problem.candidates[candidate];
+        let twice = |other: &usize| {
+            let other = &self.problem.candidates[*other];
+            !own.is_law
+                && crate::problem::is_same(&own.nominal, &other.nominal)
+                && own.prior.response != Response::Discrete
+        };
+        !causes.contains(&candidate) && !causes.iter().any(twice)
+    }
+
+    /// The best set at its posterior mean, and the deviations of its coordinates.
+    fn estimate(&self, points: &[HyperPoint], set: &Found) -> (Vec<Present>, Vec<Vec<f64>>) {
+        let (mut model, mut deviations) = (Vec::new(), Vec::new());
+        let Some((posterior, _)) = self.posterior(points, set) else { return (model, deviations) };
+        let mut at = 0;
+        for candidate in &set.causes {
+            let size = self.problem.candidates[*candidate].size;
+            let own = |i: usize| posterior.mean[at + i];
+            let coordinates = if self.problem.candidates[*candidate].prior.response == Response::Discrete {
+                vec![1.0]
+            } else {
+                let inside = |i: usize| {
+                    let [lower, upper] = self.problem.candidates[*candidate].bounds(i);
+                    own(i).clamp(lower, upper)
+                };
+                (0..size).map(inside).collect()
+            };
+            deviations.push((0..size).map(|i| posterior.covariance[(at + i, at + i)].sqrt()).collect());
+            model.push(Present { candidate: *candidate, coordinates });
+            at += size;
+        }
+        (model, deviations)
+    }
+
+    pub(crate) fn posterior(&self, points: &[HyperPoint], set: &Found) -> Option<(SetPosterior, usize)> {
+        let slabs = self.slabs(&set.causes, &set.classes, &self.position)?;
+        let (_, at) = self.judge(points, &set.causes, &set.classes);
+        Some((points.get(at)?.posterior.of_set(&slabs)?, at))
+    }
+
+    fn stands_still(&self, model: &[Present], estimate: &(Vec<Present>, Vec<Vec<f64>>)) -> bool {
+        let close = |now: &Present, sd: &Vec<f64>| {
+            let before = model.iter().find(|p| p.candidate == now.candidate);
+            before.is_some_and(|before| {
+                let moved = before.coordinates.iter().zip(&now.coordinates).zip(sd);
+                moved.into_iter().all(|((a, b), sd)| (a - b).abs() <= (STANDS_STILL * sd).max(1e-3 * b.abs()))
+            })
+        };
+        model.len() == estimate.0.len() && estimate.0.iter().zip(&estimate.1).all(|(now, sd)| close(now, sd))
+    }
+}
+
+fn sort(sets: &mut [Found]) {
+    // Equal sets come in a fixed order, so that the answer does not hang on the threads.
+    sets.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior).then_with(|| a.causes.cmp(&b.causes)));
+}
+
+fn log_sum(values: &[f64]) -> f64 {
+    let top = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY { top } else { top + values.iter().map(|v| (v - top).exp()).sum::<f64>().ln() }
+}
+
+/// For trying out: the search's findings in a few lines.
+pub(crate) fn told(problem: &Problem, searched: &Searched) -> String {
+    use std::fmt::Write;
+    let mut out = String::new();
+    let named = |hyper: &[f64]| {
+        problem.hyper.iter().zip(hyper).map(|(h, v)| format!("{} {v:.3e}", h.name)).collect::<Vec<_>>().join("; ")
+    };
+    let _ = writeln!(out, "null  {}\nbest  {}", named(&searched.null_hyper), named(&searched.hyper));
+    for (set, p) in searched.sets.iter().take(6) {
+        let names: Vec<String> = set
+            .causes
+            .iter()
+            .map(|c| {
+                let c = &problem.candidates[*c];
+                let probe: Vec<f64> = (0..c.size).map(|i| c.probe(i)).collect();
+                format!(
+                    "{} {:?} {:?} {:?}",
+                    c.kind,
+                    c.nominal.index(),
+                    c.nominal.channel(),
+                    c.at(&probe).first().map(|e| e.values().to_vec())
+                )
+            })
+            .collect();
+        let _ = writeln!(out, "  {p:.4} {:.1} {names:?} {:?}", set.log_posterior, set.classes);
+    }
+    let effects: Vec<String> = searched
+        .model
+        .iter()
+        .flat_map(|p| problem.candidates[p.candidate].at(&p.coordinates))
+        .map(|e| e.to_string())
+        .collect();
+    let _ = writeln!(out, "  model {effects:?}");
+    out
+}

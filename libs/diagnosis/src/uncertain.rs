@@ -1,0 +1,76 @@
+//! Values of a plant that are known only so well: `[uncertainty]` of the plant file.
+//!
+//! They are never named as causes. They take up what they may, as far as their standard deviations make it likely.
+
+use fss_plant::{Plant, Uncertainty};
+
+/// One uncertain value.
+#[derive(Clone, Debug)]
+pub(crate) struct Uncertain {
+    /// What it is, for reports.
+    pub(crate) name: String,
+    /// Standard deviation, SI units.
+    pub(crate) sd: f64,
+    index: usize,
+    value: fn(&mut Plant, usize) -> &mut f64,
+}
+
+impl Uncertain {
+    /// The plant with this value moved by `by` standard deviations.
+    pub(crate) fn moved(&self, plant: &Plant, by: f64) -> Plant {
+        let mut plant = plant.clone();
+        let value = (self.value)(&mut plant, self.index);
+        // A mass or a friction cannot become negative, however unsure the laboratory is of it.
+        let floor = if *value > 0.0 && self.is_positive() { 0.05 * *value } else { f64::NEG_INFINITY };
+        *value = (*value + by * self.sd).max(floor);
+        plant
+    }
+
+    fn is_positive(&self) -> bool {
+        !(self.name.contains("joint1") || self.name.contains("offset"))
+    }
+}
+
+/// Every uncertain value of a plant.
+pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
+    let Some(u) = &plant.uncertainty else { return Vec::new() };
+    let mut all = Vec::new();
+    let mut add = |name: String, sd: f64, index: usize, value: fn(&mut Plant, usize) -> &mut f64| {
+        if sd > 0.0 {
+            all.push(Uncertain { name, sd, index, value });
+        }
+    };
+    if !plant.base.clamped {
+        add("base mass_kg".into(), u.base_mass_kg, 0, |p, _| &mut p.base.mass_kg);
+        add("base inertia_kg_m2".into(), u.base_inertia_kg_m2, 0, |p, _| &mut p.base.inertia_kg_m2);
+    }
+    if !plant.links.is_empty() {
+        add("joint1 x_m".into(), u.joint1_xy_m, 0, |p, _| &mut p.base.joint1_xy_m[0]);
+        add("joint1 y_m".into(), u.joint1_xy_m, 0, |p, _| &mut p.base.joint1_xy_m[1]);
+        add("joint1 angle_rad".into(), u.joint1_angle_rad, 0, |p, _| &mut p.base.joint1_angle_rad);
+    }
+    for i in 0..plant.links.len() {
+        links(u, i, &mut add);
+    }
+    for i in 0..plant.thrusters.len() {
+        add(format!("thruster {} thrust_N", i + 1), u.thrust_n, i, |p, i| {
+            let common = p.base.thrust_n.unwrap_or(0.0);
+            p.thrusters[i].thrust_n.get_or_insert(common)
+        });
+    }
+    all
+}
+
+fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, fn(&mut Plant, usize) -> &mut f64)) {
+    let name = |what: &str| format!("link {} {what}", i + 1);
+    add(name("length_m"), u.link_length_m, i, |p, i| &mut p.links[i].length_m);
+    add(name("com_to_next_joint_m"), u.com_to_next_joint_m, i, |p, i| &mut p.links[i].com_to_next_joint_m);
+    add(name("mass_kg"), u.link_mass_kg, i, |p, i| &mut p.links[i].mass_kg);
+    add(name("inertia_kg_m2"), u.link_inertia_kg_m2, i, |p, i| &mut p.links[i].inertia_kg_m2);
+    add(name("joint_offset_rad"), u.joint_offset_rad, i, |p, i| &mut p.links[i].joint_offset_rad);
+    add(name("coulomb_friction_N_m"), u.coulomb_friction_n_m, i, |p, i| &mut p.links[i].coulomb_friction_n_m);
+    add(name("viscous_friction_N_m_s_rad"), u.viscous_friction_n_m_s_rad, i, |p, i| {
+        &mut p.links[i].viscous_friction_n_m_s_rad
+    });
+    add(name("torque_constant_N_m_A"), u.torque_constant_n_m_a, i, |p, i| &mut p.links[i].torque_constant_n_m_a);
+}
