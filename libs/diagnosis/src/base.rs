@@ -29,7 +29,7 @@ use samples::Samples;
 /// A run shorter than this says nothing of forces (s).
 const SHORTEST_S: f64 = 0.5;
 /// Longest cell of the grid on which forces are integrated (s), and most that the heading turns in one (rad).
-const LONGEST_CELL_S: f64 = 0.01;
+const LONGEST_CELL_S: f64 = 0.02;
 const TURN_PER_CELL_RAD: f64 = 0.02;
 const SHORTEST_CELL_S: f64 = 0.001;
 
@@ -80,6 +80,10 @@ impl Block for BaseBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let motion = self.predictor.motion(plant, effects)?;
         Ok(self.samples.read(&motion))
+    }
+
+    fn forget(&self) {
+        self.predictor.forget();
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {

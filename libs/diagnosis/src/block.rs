@@ -20,8 +20,17 @@ pub struct HyperParameter {
     pub log_sd: f64,
     /// Smallest and largest value that makes sense.
     pub bounds: [f64; 2],
-    /// Strength of a structured discrepancy (a process that acts on the motion) rather than of a sensor's noise or a time.
-    pub is_discrepancy: bool,
+    /// Of a structured discrepancy, a process that acts on the motion: what kind; of a sensor's noise or a time, none.
+    pub strength_of: Option<Strength>,
+}
+
+/// What a discrepancy acts as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strength {
+    /// Forces on the base.
+    Force,
+    /// Torques on the base or at joints.
+    Torque,
 }
 
 /// Channels of one run that share a state-space noise model.
@@ -35,6 +44,9 @@ pub trait Block: Sync + Send {
     /// # Errors
     /// When effects make a mass or an inertia impossible.
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError>;
+
+    /// Forgets what earlier predictions left to be used again; the next one is the one about which others vary.
+    fn forget(&self) {}
 
     /// The noise model's hyper-parameters, the same for the same block of every run.
     fn hyper_parameters(&self) -> &[HyperParameter];

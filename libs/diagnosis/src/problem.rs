@@ -5,7 +5,7 @@ use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, candidates};
 use crate::uncertain::{Uncertain, uncertain};
 use fss_estimation::Columns;
-use fss_estimation::evidence::Gram;
+use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
 use fss_identify::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Response};
@@ -34,7 +34,7 @@ const VARIATION: HyperParameter = HyperParameter {
     median: 0.05,
     log_sd: 1.5,
     bounds: [1e-4, 3.0],
-    is_discrepancy: false,
+    strength_of: None,
 };
 
 /// Everything that is linear: runs, causes, uncertain values.
@@ -122,18 +122,33 @@ impl Problem {
         self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
     }
 
-    /// Linearizes every block about a model. Parameters that `wanted` does not hold get no columns.
-    pub(crate) fn linearized(&self, model: &[Present], wanted: &[bool]) -> Result<Linearized, ModelError> {
-        let columns = self.members.par_iter().map(|m| self.columns(m.block.as_ref(), model, wanted));
+    /// Linearizes every block about a model. Candidates that are not `wanted` keep the columns of `before`, or get none.
+    pub(crate) fn linearized(
+        &self,
+        model: &[Present],
+        wanted: &dyn Fn(usize) -> bool,
+        before: Option<Linearized>,
+    ) -> Result<Linearized, ModelError> {
+        let before =
+            before.map_or_else(|| vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()], |b| b.columns);
+        let wanted: Vec<bool> = (0..self.candidates.len()).map(wanted).collect();
+        let columns = self.members.par_iter().zip(before);
+        let columns = columns.map(|(m, before)| self.columns(m.block.as_ref(), model, &wanted, before));
         Ok(Linearized { columns: columns.collect::<Result<_, _>>()? })
     }
 
-    fn columns(&self, block: &dyn Block, model: &[Present], wanted: &[bool]) -> Result<Vec<Vec<f64>>, ModelError> {
+    fn columns(
+        &self,
+        block: &dyn Block,
+        model: &[Present],
+        wanted: &[bool],
+        mut columns: Vec<Vec<f64>>,
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
+        block.forget();
         let base = block.predict(&self.plant, &self.effects(model))?;
         let mut data: Vec<f64> = block.measured().iter().zip(&base).map(|(y, p)| y - p).collect();
-        let mut columns = vec![Vec::new(); 1 + self.parameters()];
         for candidate in 0..self.candidates.len() {
-            if !wanted[self.first[candidate]] {
+            if !wanted[candidate] {
                 continue;
             }
             let present = model.iter().find(|p| p.candidate == candidate);
@@ -202,19 +217,90 @@ impl Problem {
         Ok(columns)
     }
 
+    /// By how much each candidate would raise the logarithm of the marginal likelihood, one at a time, beside the `base`
+    /// parameters with these standard deviations of their priors: a first look at all of them. The variation from run to run is
+    /// left out.
+    pub(crate) fn screened(
+        &self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        base: &[usize],
+        base_sd: &[f64],
+        slabs: &(dyn Fn(usize) -> Vec<Vec<Slab>> + Sync),
+    ) -> Option<Vec<f64>> {
+        let own: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> = self
+            .members
+            .par_iter()
+            .zip(&linearized.columns)
+            .map(|(member, columns)| {
+                let white = self.whitened(member, columns, hyper, &(0..self.parameters()).collect::<Vec<_>>()).0;
+                let chosen = DMatrix::from_fn(white.nrows(), base.len() + 1, |i, j| {
+                    if j == 0 { white[(i, 0)] } else { white[(i, base[j - 1] + 1)] }
+                });
+                let blocks = (0..self.candidates.len()).map(|c| {
+                    let range = self.parameters_of(c);
+                    let own = white.columns(range.start + 1, range.len());
+                    own.tr_mul(&own)
+                });
+                (chosen.tr_mul(&white), blocks.collect())
+            })
+            .collect();
+        let mut sum = own.into_iter().reduce(|(a, mut x), (b, y)| {
+            x.iter_mut().zip(y).for_each(|(x, y)| *x += y);
+            (a + b, x)
+        })?;
+        let n = base.len();
+        let among =
+            DMatrix::from_fn(n, n, |i, j| sum.0[(i + 1, base[j] + 1)] + if i == j { base_sd[i].powi(-2) } else { 0.0 });
+        let cholesky = Cholesky::new(among)?;
+        let data = cholesky.solve(&sum.0.view((1, 0), (n, 1)).into_owned());
+        let gain = |c: usize| {
+            let range = self.parameters_of(c);
+            let cross = sum.0.view((1, range.start + 1), (n, range.len())).into_owned();
+            let pulled = cholesky.solve(&cross);
+            let b = sum.0.view((0, range.start + 1), (1, range.len())).transpose() - cross.tr_mul(&data);
+            let a = &sum.1[c] - cross.tr_mul(&pulled);
+            let products = DMatrix::from_fn(range.len() + 1, range.len() + 1, |i, j| match (i, j) {
+                (0, 0) => 0.0,
+                (0, j) => b[j - 1],
+                (i, 0) => b[i - 1],
+                (i, j) => a[(i - 1, j - 1)],
+            });
+            let spikes = &self.spikes[range.clone()];
+            let Some(alone) = SpikePosterior::new(&Gram { products, log_det: 0.0 }, spikes) else {
+                return f64::NEG_INFINITY;
+            };
+            let found =
+                slabs(c).into_iter().filter_map(|set| alone.of_set(&set)).map(|p| p.log_evidence - alone.log_evidence);
+            found.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let gains = (0..self.candidates.len()).into_par_iter().map(gain).collect();
+        sum.1.clear();
+        Some(gains)
+    }
+
+    /// The data and some parameters' columns of a block, whitened, and the logarithm of the noise's determinant.
+    fn whitened(
+        &self,
+        member: &Member,
+        columns: &[Vec<f64>],
+        hyper: &[f64],
+        parameters: &[usize],
+    ) -> (DMatrix<f64>, f64) {
+        let mine = self.family_at[member.family];
+        let count = member.block.hyper_parameters().len();
+        let empty = vec![0.0; columns[0].len()];
+        let column = |i: usize| if columns[i].is_empty() { empty.as_slice() } else { columns[i].as_slice() };
+        let chosen: Vec<&[f64]> = std::iter::once(0).chain(parameters.iter().map(|p| p + 1)).map(column).collect();
+        let mut white = Columns::of(&chosen);
+        let log_det = member.block.whiten(&hyper[mine..mine + count], &mut white);
+        (DMatrix::from_row_slice(white.rows(), white.width(), white.values()), log_det)
+    }
+
     /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
     pub(crate) fn gram(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<Gram> {
         let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| {
-            let mine = self.family_at[member.family];
-            let count = member.block.hyper_parameters().len();
-            let empty = vec![0.0; columns[0].len()];
-            let chosen: Vec<Vec<f64>> = std::iter::once(0)
-                .chain(parameters.iter().map(|p| p + 1))
-                .map(|i| if columns[i].is_empty() { empty.clone() } else { columns[i].clone() })
-                .collect();
-            let mut white = Columns::of(&chosen);
-            let log_det = member.block.whiten(&hyper[mine..mine + count], &mut white);
-            let matrix = DMatrix::from_fn(white.rows(), white.width(), |i, j| white.row(i)[j]);
+            let (matrix, log_det) = self.whitened(member, columns, hyper, parameters);
             (member.run, Gram { products: matrix.tr_mul(&matrix), log_det })
         };
         let all: Vec<(usize, Gram)> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();

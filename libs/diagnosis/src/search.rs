@@ -4,6 +4,7 @@
 //! look alike; a cause shows at the strength that it leaves. So the sets are compared on a ladder of strengths, the best set's
 //! hyper-parameters are optimized, everything is linearized anew about it, until set and values stand still.
 
+use crate::block::Strength;
 use crate::problem::{Linearized, Present, Problem};
 use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
 use fss_estimation::pattern_search::maximize;
@@ -18,6 +19,10 @@ const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
 const BEAM: usize = 8;
 /// Strengths of the discrepancy that sets are compared at, over the present ones.
 const LADDER: [f64; 7] = [1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3];
+/// Strengths that all candidates are looked at first, and how many of them the search goes on with; of a law, so many shapes.
+const SCREENED_AT: [f64; 4] = [1.0, 0.1, 0.01, 1e-3];
+const SHORTLIST: usize = 28;
+const SHAPES: usize = 3;
 /// Rounds of search, optimization and linearization at the most.
 const ROUNDS: usize = 8;
 /// A change of a coordinate below this share of its deviation stands still.
@@ -69,13 +74,14 @@ struct Search<'a> {
     position: Vec<Option<usize>>,
     /// Logarithm of each candidate's prior among all.
     log_prior: Vec<f64>,
+    /// Candidates that the present round looks at.
+    chosen: Vec<usize>,
 }
 
 pub(crate) fn search(problem: &Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched, ModelError> {
-    let wanted = vec![true; problem.parameters()];
     say("linearizing");
-    let mut linearized = problem.linearized(&[], &wanted)?;
-    let search = Search::new(problem);
+    let mut linearized = problem.linearized(&[], &|_| true, None)?;
+    let mut search = Search::new(problem);
     say("inferring the noise without causes");
     let start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
     let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0);
@@ -83,6 +89,11 @@ pub(crate) fn search(problem: &Problem, say: &(dyn Fn(&str) + Sync)) -> Result<S
     let mut model: Vec<Present> = Vec::new();
     for round in 1..=ROUNDS {
         say(&format!("searching, round {round}"));
+        search.shortlist(&linearized, &model, &null_hyper, &hyper);
+        if round > 1 {
+            let chosen = &search.chosen;
+            linearized = problem.linearized(&model, &|c| chosen.contains(&c), Some(linearized))?;
+        }
         let points = search.points(&linearized, &null_hyper, &hyper);
         let sets = search.beam(&points, round.min(SIZES.len() - 1));
         let best = &sets[0];
@@ -97,7 +108,8 @@ pub(crate) fn search(problem: &Problem, say: &(dyn Fn(&str) + Sync)) -> Result<S
         model = estimate.0;
         if changed {
             say(&format!("linearizing about {}", search.names(&model)));
-            linearized = problem.linearized(&model, &wanted)?;
+            let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+            linearized = problem.linearized(&model, &|c| present.contains(&c), Some(linearized))?;
         }
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &hyper, 0.5);
     }
@@ -122,13 +134,55 @@ fn probabilities(sets: Vec<Found>) -> Vec<(Found, f64)> {
 
 impl<'a> Search<'a> {
     fn new(problem: &'a Problem) -> Self {
-        let parameters: Vec<usize> = (0..problem.parameters()).collect();
-        let position = (0..problem.parameters()).map(Some).collect();
+        let (parameters, position) = (Vec::new(), Vec::new());
         let mut count: HashMap<&str, usize> = HashMap::new();
         problem.candidates.iter().for_each(|c| *count.entry(&c.kind).or_default() += 1);
         let kinds = count.len() as f64;
         let log_prior = problem.candidates.iter().map(|c| -(kinds * count[c.kind.as_str()] as f64).ln()).collect();
-        Self { problem, parameters, position, log_prior }
+        Self { problem, parameters, position, log_prior, chosen: Vec::new() }
+    }
+
+    /// Chooses the candidates that explain most beside the present model, at some strength of the discrepancy.
+    fn shortlist(&mut self, linearized: &Linearized, model: &[Present], null: &[f64], present: &[f64]) {
+        let problem = self.problem;
+        let of_model = |p: &Present| -> Vec<(usize, f64)> {
+            let typical = &problem.candidates[p.candidate].prior.typical;
+            let widest = SLAB_WIDTHS[SLAB_WIDTHS.len() - 1];
+            problem.parameters_of(p.candidate).zip(typical).map(|(at, size)| (at, widest * size.max(1e-6))).collect()
+        };
+        let (base, sd): (Vec<usize>, Vec<f64>) =
+            model.iter().flat_map(of_model).chain(problem.uncertain_parameters().map(|at| (at, 1.0))).unzip();
+        let slabs = |candidate: usize| -> Vec<Vec<Slab>> {
+            let local: Vec<Option<usize>> = (0..problem.parameters())
+                .map(|p| problem.parameters_of(candidate).contains(&p).then(|| p - problem.first[candidate]))
+                .collect();
+            (0..self.classes(candidate)).filter_map(|class| self.slabs(&[candidate], &[class], &local)).collect()
+        };
+        let hypers = SCREENED_AT.iter().map(|by| self.scaled(null, *by, *by)).chain([present.to_vec()]);
+        let mut best = vec![f64::NEG_INFINITY; problem.candidates.len()];
+        for hyper in hypers {
+            let Some(gains) = problem.screened(linearized, &hyper, &base, &sd, &slabs) else { continue };
+            best.iter_mut().zip(gains).for_each(|(b, g)| *b = b.max(g));
+        }
+        let value = |c: usize| best[c] + self.log_prior[c];
+        let mut order: Vec<usize> = (0..best.len()).filter(|c| best[*c] > f64::NEG_INFINITY).collect();
+        order.sort_by(|a, b| value(*b).total_cmp(&value(*a)).then(a.cmp(b)));
+        let mut chosen: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+        let mut of_kind: HashMap<&str, usize> = HashMap::new();
+        for c in order {
+            let shapes = of_kind.entry(&problem.candidates[c].kind).or_default();
+            let is_shape = problem.candidates[c].is_law;
+            if chosen.len() < SHORTLIST && !chosen.contains(&c) && !(is_shape && *shapes >= SHAPES) {
+                *shapes += 1;
+                chosen.push(c);
+            }
+        }
+        chosen.sort_unstable();
+        self.parameters =
+            chosen.iter().flat_map(|c| problem.parameters_of(*c)).chain(problem.uncertain_parameters()).collect();
+        self.position = vec![None; problem.parameters()];
+        self.parameters.iter().enumerate().for_each(|(at, p)| self.position[*p] = Some(at));
+        self.chosen = chosen;
     }
 
     fn names(&self, model: &[Present]) -> String {
@@ -186,22 +240,23 @@ impl<'a> Search<'a> {
         bounded(&best)
     }
 
+    /// Hyper-parameters whose discrepancies' strengths are scaled: forces by `a`, torques by `b`.
+    fn scaled(&self, from: &[f64], a: f64, b: f64) -> Vec<f64> {
+        let scale = |(value, h): (&f64, &crate::block::HyperParameter)| {
+            let by = match h.strength_of {
+                None => 1.0,
+                Some(Strength::Force) => a,
+                Some(Strength::Torque) => b,
+            };
+            (value * by).clamp(h.bounds[0], h.bounds[1])
+        };
+        from.iter().zip(&self.problem.hyper).map(scale).collect()
+    }
+
     /// The hyper-parameters that sets are compared at: the ladder down from those of no cause, and about the present ones.
     fn points(&self, linearized: &Linearized, null: &[f64], present: &[f64]) -> Vec<HyperPoint> {
         let mut grid: Vec<Vec<f64>> = Vec::new();
-        let scaled = |from: &[f64], a: f64, b: f64| -> Vec<f64> {
-            let scale = |(i, (value, h)): (usize, (&f64, &crate::block::HyperParameter))| {
-                let by = if !h.is_discrepancy {
-                    1.0
-                } else if i % 2 == 0 {
-                    a
-                } else {
-                    b
-                };
-                (value * by).clamp(h.bounds[0], h.bounds[1])
-            };
-            from.iter().zip(&self.problem.hyper).enumerate().map(scale).collect()
-        };
+        let scaled = |from: &[f64], a: f64, b: f64| self.scaled(from, a, b);
         for (i, a) in LADDER.iter().enumerate() {
             for (j, b) in LADDER.iter().enumerate() {
                 if i.abs_diff(j) <= 1 {
@@ -290,7 +345,7 @@ impl<'a> Search<'a> {
         for _ in 1..=largest {
             let mut keys: HashMap<Vec<usize>, (Vec<usize>, Vec<usize>)> = HashMap::new();
             for set in &front {
-                for candidate in (0..self.problem.candidates.len()).filter(|c| self.goes_with(*c, &set.causes)) {
+                for candidate in self.chosen.iter().copied().filter(|c| self.goes_with(*c, &set.causes)) {
                     let mut causes = set.causes.clone();
                     causes.push(candidate);
                     let mut key = causes.clone();

@@ -12,10 +12,10 @@ impl Columns {
     ///
     /// # Panics
     /// Where the columns differ in length.
-    pub fn of(columns: &[Vec<f64>]) -> Self {
-        let rows = columns.first().map_or(0, Vec::len);
-        assert!(columns.iter().all(|c| c.len() == rows), "columns of one length");
-        let data = (0..rows).flat_map(|row| columns.iter().map(move |c| c[row])).collect();
+    pub fn of<C: AsRef<[f64]>>(columns: &[C]) -> Self {
+        let rows = columns.first().map_or(0, |c| c.as_ref().len());
+        assert!(columns.iter().all(|c| c.as_ref().len() == rows), "columns of one length");
+        let data = (0..rows).flat_map(|row| columns.iter().map(move |c| c.as_ref()[row])).collect();
         Self { width: columns.len(), data }
     }
 
@@ -37,6 +37,11 @@ impl Columns {
     /// One row, to be changed.
     pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
         &mut self.data[row * self.width..(row + 1) * self.width]
+    }
+
+    /// All values, row by row.
+    pub fn values(&self) -> &[f64] {
+        &self.data
     }
 
     /// A copy of one column.

@@ -2,7 +2,7 @@
 
 use super::prediction::Predictor;
 use super::samples::Samples;
-use crate::block::HyperParameter;
+use crate::block::{HyperParameter, Strength};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Measurement, StateSpace, Step};
 use fss_identify::measured::Run;
@@ -62,7 +62,7 @@ impl NoiseModel {
     }
 
     fn states(&self) -> usize {
-        BODY + ARM + 1
+        BODY + if self.arm.is_some() { ARM } else { 0 } + usize::from(self.gyro_walk > 0.0)
     }
 
     /// The model at these values of the hyper-parameters.
@@ -77,12 +77,20 @@ impl NoiseModel {
                 before
             });
             for (channel, sd) in sds.iter().enumerate() {
-                let states = match channel {
-                    0 => vec![(0, 1.0), (10, 1.0)],
-                    1 => vec![(2, 1.0), (11, 1.0)],
+                let mut states = match channel {
+                    0 => vec![(0, 1.0)],
+                    1 => vec![(2, 1.0)],
                     2 => vec![(4, 1.0)],
-                    _ => vec![(5, 1.0 / moment.2), (9, -1.0 / moment.2), (12, 1.0)],
+                    _ => vec![(5, 1.0 / moment.2)],
                 };
+                match channel {
+                    0 | 1 if self.arm.is_some() => states.push((10 + channel, 1.0)),
+                    3 if self.arm.is_some() => states.push((9, -1.0 / moment.2)),
+                    _ => {}
+                }
+                if channel == 3 && self.gyro_walk > 0.0 {
+                    states.push((n - 1, 1.0));
+                }
                 let inflation = [h.noise_position, h.noise_position, h.noise_angle, h.noise_gyro][channel];
                 let step = if channel == 0 { step } else { None };
                 space.measurements.push(Measurement { step, states, variance: (inflation * sd).powi(2) });
@@ -100,6 +108,7 @@ impl NoiseModel {
         let force = h.force.powi(2);
         let body = [place, speed, place, speed, place, rate * inertia * inertia, force, force, h.torque.powi(2)];
         let mut initial = vec![0.0; n * n];
+        let arm = arm.into_iter().filter(|_| self.arm.is_some());
         body.into_iter().chain(arm).enumerate().for_each(|(i, variance)| initial[i * n + i] = variance);
         initial
     }
@@ -145,7 +154,9 @@ impl NoiseModel {
             }
         }
         self.add_arm(h, dt, inertia, &mut step);
-        step.noise[12 * n + 12] += self.gyro_walk * dt;
+        if self.gyro_walk > 0.0 {
+            step.noise[n * n - 1] += self.gyro_walk * dt;
+        }
         step
     }
 
@@ -230,26 +241,26 @@ impl Hyper {
 fn hyper_parameters(plant: &Plant) -> Vec<HyperParameter> {
     let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
     let air = plant.disturbance.as_ref();
-    let strength = |name, stated: Option<f64>, natural: f64, log_sd: [f64; 2]| HyperParameter {
+    let strength = |name, stated: Option<f64>, natural: f64, log_sd: [f64; 2], of| HyperParameter {
         name,
         median: stated.filter(|s| *s > 0.0).unwrap_or(natural),
         log_sd: if stated.is_some_and(|s| s > 0.0) { log_sd[0] } else { log_sd[1] },
         bounds: [1e-8 * natural, 1e6 * natural],
-        is_discrepancy: true,
+        strength_of: Some(of),
     };
-    let plain = |name, median, log_sd, bounds| HyperParameter { name, median, log_sd, bounds, is_discrepancy: false };
+    let plain = |name, median, log_sd, bounds| HyperParameter { name, median, log_sd, bounds, strength_of: None };
     let (force, torque) = (1e-4 * mass, 5e-4 * inertia);
     vec![
-        strength("coloured force (N)", air.map(|a| a.force_std_n), force, [0.8, 3.0]),
-        strength("coloured torque (N m)", air.map(|a| a.torque_std_n_m), torque, [0.8, 3.0]),
+        strength("coloured force (N)", air.map(|a| a.force_std_n), force, [0.8, 3.0], Strength::Force),
+        strength("coloured torque (N m)", air.map(|a| a.torque_std_n_m), torque, [0.8, 3.0], Strength::Torque),
         plain(
             "correlation time (s)",
             air.map_or(1.5, |a| a.correlation_s).clamp(CORRELATION_S[0], CORRELATION_S[1]),
             if air.is_some() { 0.4 } else { 0.8 },
             CORRELATION_S,
         ),
-        strength("white force (N s^0.5)", air.map(|a| 0.1 * a.force_std_n), force, [2.5, 3.0]),
-        strength("white torque (N m s^0.5)", air.map(|a| 0.1 * a.torque_std_n_m), torque, [2.5, 3.0]),
+        strength("white force (N s^0.5)", air.map(|a| 0.1 * a.force_std_n), force, [2.5, 3.0], Strength::Force),
+        strength("white torque (N m s^0.5)", air.map(|a| 0.1 * a.torque_std_n_m), torque, [2.5, 3.0], Strength::Torque),
         plain("pose noise over stated, place", 1.0, 0.15, [0.3, 3.0]),
         plain("pose noise over stated, heading", 1.0, 0.15, [0.3, 3.0]),
         plain("gyro noise over stated", 1.0, 0.15, [0.3, 3.0]),

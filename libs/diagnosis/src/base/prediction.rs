@@ -170,7 +170,6 @@ impl Predictor {
     }
 
     /// Lets the next motion asked for be the one that is kept.
-    #[allow(dead_code)]
     pub(super) fn forget(&self) {
         self.paths.forget();
         self.carriages.forget();
