@@ -94,6 +94,10 @@ impl Block for BaseBlock {
         self.noise.state_space(hyper).whiten(columns)
     }
 
+    fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
+        self.noise.discrepancies(hyper)
+    }
+
     fn channel_of_row(&self) -> &[usize] {
         &self.samples.channel_of_row
     }

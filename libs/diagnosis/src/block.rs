@@ -24,6 +24,17 @@ pub struct HyperParameter {
     pub strength_of: Option<Strength>,
 }
 
+/// A prior whose logarithm is wider than this states nothing.
+const WIDEST_STATEMENT: f64 = 1.0;
+
+impl HyperParameter {
+    /// Its value as the plant file states it: the median of its prior; of a discrepancy that is not stated, the least.
+    pub fn stated(&self) -> f64 {
+        let is_stated = self.strength_of.is_none() || self.log_sd <= WIDEST_STATEMENT;
+        if is_stated { self.median } else { self.bounds[0] }
+    }
+}
+
 /// What a discrepancy acts as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strength {
@@ -55,6 +66,13 @@ pub trait Block: Sync + Send {
     /// hyper-parameters. Rows of diffuse initial states come out as (almost) zero. Returns the logarithm of the determinant
     /// of the measurements' covariance: the density of a residual column e is exp(-(log_det + |e_white|^2)/2) but for 2 pi.
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64;
+
+    /// Strengths of the structured discrepancy at these values of the hyper-parameters, each with what is expected of it: name
+    /// with unit, inferred, expected.
+    fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
+        let strengths = self.hyper_parameters().iter().zip(hyper).filter(|(h, _)| h.strength_of.is_some());
+        strengths.map(|(h, value)| (h.name.to_owned(), *value, h.median)).collect()
+    }
 
     /// Channel of each row of [`Block::measured`], an index into [`Block::channels`].
     fn channel_of_row(&self) -> &[usize];

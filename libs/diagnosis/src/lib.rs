@@ -1,29 +1,104 @@
 //! Where a simulation differs from what was measured, and why: examine, linearize, whiten, search, conclude.
 //!
-//! - [`block`]: what the search needs of a set of channels of one run.
-//! - [`base`]: the motion of a floating base.
+//! In the order of reading:
+//!
+//! - [`block`]: what the search needs of a set of channels of one run: a prediction linear in small effects, a noise model.
+//! - [`base`]: the motion of a floating base as a block.
+//! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
+//! - `search`: marginal likelihoods of sets of causes.
+//! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
+//! - [`diagnosis`]: the answer.
 
 pub mod base;
 pub mod block;
 mod candidates;
+mod conclude;
+pub mod diagnosis;
+mod misfit;
 mod path;
 mod problem;
+mod scores;
+mod screening;
 mod search;
 mod uncertain;
 
-/// For trying out.
-pub fn tried(plant: &fss_plant::Plant, runs: &[fss_identify::measured::Run]) -> String {
-    let problem = match problem::Problem::new(plant, runs) {
-        Ok(p) => p,
-        Err(e) => return e.to_string(),
-    };
+pub use conclude::ASSERTED;
+use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};
+use fss_identify::measured::Run;
+use fss_multibody::ModelError;
+use fss_plant::Plant;
+use problem::Problem;
+
+/// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
+///
+/// # Errors
+/// Where the plant's values or effects make a mass or an inertia impossible.
+pub fn diagnose(
+    plant: &Plant,
+    runs: &[Run],
+    validation: &[Run],
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
+    let problem = Problem::new(plant, runs)?;
+    let judged_on = Problem::new(plant, validation)?;
     if problem.is_empty() {
-        return "nothing".into();
+        return Ok(nothing_to_say(plant));
     }
-    let begun = std::time::Instant::now();
-    let say = |what: &str| eprintln!("{:6.2} s {what}", begun.elapsed().as_secs_f64());
-    match search::search(&problem, &say) {
-        Ok(searched) => search::told(&problem, &searched),
-        Err(e) => e.to_string(),
+    let searched = search::search(&problem, say)?;
+    say("measuring the gain");
+    let scores = scores::scores(&searched, Some(&judged_on))?;
+    let concluded = conclude::conclude(&problem, &searched, &scores);
+    let means = searched.uncertain_means();
+    let settled_null = problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]);
+    let mut extended = problem.settled(&means);
+    let effects: Vec<_> =
+        concluded.causes.iter().map(|c| c.effect.clone()).chain(concluded.laws.iter().cloned()).collect();
+    extended.effects.retain(|e| !effects.iter().any(|n| problem::is_same(n, e)));
+    extended.effects.extend(effects);
+    let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant);
+    let (before, after) = (told(&problem, runs, &settled_null)?, told(&problem, runs, &extended)?);
+    let validation_before = told(&judged_on, validation, &settled_null)?;
+    let validation_after = told(&judged_on, validation, &extended)?;
+    let judged = |v: &[ChannelMisfit], f: &[ChannelMisfit]| misfit::overall(if v.is_empty() { f } else { v });
+    let gain = Gain { before: judged(&validation_before, &before), after: judged(&validation_after, &after) };
+    let names = problem.uncertain.iter().map(|u| u.name.clone());
+    Ok(Diagnosis {
+        remarks: Vec::new(),
+        verdict: concluded.verdict,
+        causes: concluded.causes,
+        suspects: concluded.suspects,
+        laws: concluded.laws,
+        probability_of_none: concluded.probability_of_none,
+        inclusion: concluded.inclusion,
+        discrepancy: concluded.discrepancy,
+        run_to_run: searched.hyper.last().copied().unwrap_or(0.0),
+        before,
+        after,
+        validation_before,
+        validation_after,
+        gain,
+        settled: names.zip(means).collect(),
+        extended,
+    })
+}
+
+fn nothing_to_say(plant: &Plant) -> Diagnosis {
+    Diagnosis {
+        remarks: Vec::new(),
+        verdict: Verdict::Consistent,
+        causes: Vec::new(),
+        suspects: Vec::new(),
+        laws: Vec::new(),
+        probability_of_none: 1.0,
+        inclusion: Vec::new(),
+        discrepancy: Vec::new(),
+        run_to_run: 0.0,
+        before: Vec::new(),
+        after: Vec::new(),
+        validation_before: Vec::new(),
+        validation_after: Vec::new(),
+        gain: Gain { before: 1.0, after: 1.0 },
+        settled: Vec::new(),
+        extended: plant.clone(),
     }
 }

@@ -5,7 +5,7 @@ use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, candidates};
 use crate::uncertain::{Uncertain, uncertain};
 use fss_estimation::Columns;
-use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
+use fss_estimation::evidence::Gram;
 use fss_identify::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Response};
@@ -13,10 +13,10 @@ use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
 /// A block, the run that it is of, and its family: blocks of a family share hyper-parameters.
-struct Member {
-    run: usize,
+pub(crate) struct Member {
+    pub(crate) run: usize,
     family: usize,
-    block: Box<dyn Block>,
+    pub(crate) block: Box<dyn Block>,
 }
 
 /// A cause of the present model: which candidate, at which coordinates.
@@ -28,6 +28,8 @@ pub(crate) struct Present {
 
 /// Share of its typical size above which a coordinate's secant through zero is taken, not a probe.
 const SECANT_ABOVE: f64 = 0.05;
+/// Step of a tangent over the typical size.
+const TANGENT_STEP: f64 = 0.1;
 /// Run-to-run variation of causes: median of the prior of its share of a cause's typical size, deviation of its logarithm.
 const VARIATION: HyperParameter = HyperParameter {
     name: "variation from run to run over typical size",
@@ -40,7 +42,7 @@ const VARIATION: HyperParameter = HyperParameter {
 /// Everything that is linear: runs, causes, uncertain values.
 pub(crate) struct Problem {
     pub(crate) plant: Plant,
-    members: Vec<Member>,
+    pub(crate) members: Vec<Member>,
     runs: usize,
     pub(crate) candidates: Vec<Candidate>,
     /// First parameter of each candidate.
@@ -55,9 +57,18 @@ pub(crate) struct Problem {
     variation: Vec<f64>,
 }
 
+/// How the columns of a present cause are taken.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Slope {
+    /// Through its absence: absent and present are both exact.
+    Secant,
+    /// At its present value, for estimating this.
+    Tangent,
+}
+
 /// Columns of every block about a model: the data, then every parameter.
 pub(crate) struct Linearized {
-    columns: Vec<Vec<Vec<f64>>>,
+    pub(crate) columns: Vec<Vec<Vec<f64>>>,
 }
 
 impl Problem {
@@ -96,6 +107,23 @@ impl Problem {
         Self { plant: plant.clone(), members, runs, candidates, first, uncertain, hyper, family_at, spikes, variation }
     }
 
+    /// The plant with its uncertain values moved by so many standard deviations.
+    pub(crate) fn settled(&self, by: &[f64]) -> Plant {
+        self.uncertain.iter().zip(by).fold(self.plant.clone(), |plant, (value, by)| value.moved(&plant, *by))
+    }
+
+    /// Strengths of the structured discrepancy, of each family of blocks.
+    pub(crate) fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
+        let mut out = Vec::new();
+        for (family, at) in self.family_at.iter().enumerate() {
+            if let Some(member) = self.members.iter().find(|m| m.family == family) {
+                let count = member.block.hyper_parameters().len();
+                out.extend(member.block.discrepancies(&hyper[*at..at + count]));
+            }
+        }
+        out
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
@@ -126,6 +154,7 @@ impl Problem {
     pub(crate) fn linearized(
         &self,
         model: &[Present],
+        slope: Slope,
         wanted: &dyn Fn(usize) -> bool,
         before: Option<Linearized>,
     ) -> Result<Linearized, ModelError> {
@@ -133,7 +162,7 @@ impl Problem {
             before.map_or_else(|| vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()], |b| b.columns);
         let wanted: Vec<bool> = (0..self.candidates.len()).map(wanted).collect();
         let columns = self.members.par_iter().zip(before);
-        let columns = columns.map(|(m, before)| self.columns(m.block.as_ref(), model, &wanted, before));
+        let columns = columns.map(|(m, before)| self.columns(m.block.as_ref(), model, slope, &wanted, before));
         Ok(Linearized { columns: columns.collect::<Result<_, _>>()? })
     }
 
@@ -141,6 +170,7 @@ impl Problem {
         &self,
         block: &dyn Block,
         model: &[Present],
+        slope: Slope,
         wanted: &[bool],
         mut columns: Vec<Vec<f64>>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
@@ -152,7 +182,7 @@ impl Problem {
                 continue;
             }
             let present = model.iter().find(|p| p.candidate == candidate);
-            let own = self.candidate_columns(block, model, candidate, &base)?;
+            let own = self.candidate_columns(block, model, slope, candidate, &base)?;
             for (i, column) in own.into_iter().enumerate() {
                 let theta = present.map_or(0.0, |p| p.coordinates[i]);
                 if theta != 0.0 {
@@ -175,6 +205,7 @@ impl Problem {
         &self,
         block: &dyn Block,
         model: &[Present],
+        slope: Slope,
         candidate: usize,
         base: &[f64],
     ) -> Result<Vec<Vec<f64>>, ModelError> {
@@ -199,6 +230,11 @@ impl Problem {
                 difference(base, &predict(&zero)?, 1.0)
             }]);
         }
+        if slope == Slope::Tangent && own.prior.response != Response::Strength {
+            let step = |i: usize| TANGENT_STEP * own.probe(i);
+            let tangent = |i: usize| Ok(difference(&predict(&moved(now, i, now[i] + step(i)))?, base, step(i)));
+            return (0..own.size).map(tangent).collect();
+        }
         let is_strength = own.prior.response == Response::Strength && !own.is_law;
         let strength = if now[0] == 0.0 { own.probe(0) } else { now[0] };
         let mut columns = Vec::with_capacity(own.size);
@@ -217,70 +253,8 @@ impl Problem {
         Ok(columns)
     }
 
-    /// By how much each candidate would raise the logarithm of the marginal likelihood, one at a time, beside the `base`
-    /// parameters with these standard deviations of their priors: a first look at all of them. The variation from run to run is
-    /// left out.
-    pub(crate) fn screened(
-        &self,
-        linearized: &Linearized,
-        hyper: &[f64],
-        base: &[usize],
-        base_sd: &[f64],
-        slabs: &(dyn Fn(usize) -> Vec<Vec<Slab>> + Sync),
-    ) -> Option<Vec<f64>> {
-        let own: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> = self
-            .members
-            .par_iter()
-            .zip(&linearized.columns)
-            .map(|(member, columns)| {
-                let white = self.whitened(member, columns, hyper, &(0..self.parameters()).collect::<Vec<_>>()).0;
-                let chosen = DMatrix::from_fn(white.nrows(), base.len() + 1, |i, j| {
-                    if j == 0 { white[(i, 0)] } else { white[(i, base[j - 1] + 1)] }
-                });
-                let blocks = (0..self.candidates.len()).map(|c| {
-                    let range = self.parameters_of(c);
-                    let own = white.columns(range.start + 1, range.len());
-                    own.tr_mul(&own)
-                });
-                (chosen.tr_mul(&white), blocks.collect())
-            })
-            .collect();
-        let mut sum = own.into_iter().reduce(|(a, mut x), (b, y)| {
-            x.iter_mut().zip(y).for_each(|(x, y)| *x += y);
-            (a + b, x)
-        })?;
-        let n = base.len();
-        let among =
-            DMatrix::from_fn(n, n, |i, j| sum.0[(i + 1, base[j] + 1)] + if i == j { base_sd[i].powi(-2) } else { 0.0 });
-        let cholesky = Cholesky::new(among)?;
-        let data = cholesky.solve(&sum.0.view((1, 0), (n, 1)).into_owned());
-        let gain = |c: usize| {
-            let range = self.parameters_of(c);
-            let cross = sum.0.view((1, range.start + 1), (n, range.len())).into_owned();
-            let pulled = cholesky.solve(&cross);
-            let b = sum.0.view((0, range.start + 1), (1, range.len())).transpose() - cross.tr_mul(&data);
-            let a = &sum.1[c] - cross.tr_mul(&pulled);
-            let products = DMatrix::from_fn(range.len() + 1, range.len() + 1, |i, j| match (i, j) {
-                (0, 0) => 0.0,
-                (0, j) => b[j - 1],
-                (i, 0) => b[i - 1],
-                (i, j) => a[(i - 1, j - 1)],
-            });
-            let spikes = &self.spikes[range.clone()];
-            let Some(alone) = SpikePosterior::new(&Gram { products, log_det: 0.0 }, spikes) else {
-                return f64::NEG_INFINITY;
-            };
-            let found =
-                slabs(c).into_iter().filter_map(|set| alone.of_set(&set)).map(|p| p.log_evidence - alone.log_evidence);
-            found.fold(f64::NEG_INFINITY, f64::max)
-        };
-        let gains = (0..self.candidates.len()).into_par_iter().map(gain).collect();
-        sum.1.clear();
-        Some(gains)
-    }
-
     /// The data and some parameters' columns of a block, whitened, and the logarithm of the noise's determinant.
-    fn whitened(
+    pub(crate) fn whitened(
         &self,
         member: &Member,
         columns: &[Vec<f64>],
@@ -297,28 +271,95 @@ impl Problem {
         (DMatrix::from_row_slice(white.rows(), white.width(), white.values()), log_det)
     }
 
+    /// Whether a candidate can do what a cause of the model does, with another size: the cosine of both actions over the sensors'
+    /// noise is beyond `identical`. Not asked where the cosine of their columns is below `alike`.
+    pub(crate) fn acts_alike(
+        &self,
+        linearized: &Linearized,
+        model: &[Present],
+        present: &Present,
+        other: usize,
+        alike: f64,
+        identical: f64,
+    ) -> Result<bool, ModelError> {
+        let (own, size) = (present.candidate, self.candidates[present.candidate].size);
+        if self.candidates[other].size != size {
+            return Ok(false);
+        }
+        let weighted = |a: &dyn Fn(usize) -> Vec<f64>, b: &dyn Fn(usize) -> Vec<f64>| -> f64 {
+            let of = |(k, m): (usize, &Member)| -> f64 {
+                a(k).iter().zip(b(k)).zip(m.block.noise_of_row()).map(|((a, b), sd)| a * b / (sd * sd)).sum()
+            };
+            self.members.iter().enumerate().map(of).sum()
+        };
+        let column = |p: usize, k: usize| linearized.columns[k][p + 1].clone();
+        let mut coordinates = Vec::new();
+        for i in 0..size {
+            let (mine, yours) = (self.first[own] + i, self.first[other] + i);
+            let cross = weighted(&|k| column(mine, k), &|k| column(yours, k));
+            let (a, b) = (
+                weighted(&|k| column(mine, k), &|k| column(mine, k)),
+                weighted(&|k| column(yours, k), &|k| column(yours, k)),
+            );
+            if cross.abs() < alike * (a * b).sqrt() || b == 0.0 {
+                return Ok(false);
+            }
+            coordinates.push(present.coordinates[i] * cross / b);
+        }
+        let rest: Vec<Present> = model.iter().filter(|p| p.candidate != own).cloned().collect();
+        let mut replaced = rest.clone();
+        replaced.push(Present { candidate: other, coordinates });
+        let predict = |model: &[Present]| -> Result<Vec<Vec<f64>>, ModelError> {
+            let effects = self.effects(model);
+            self.members.par_iter().map(|m| m.block.predict(&self.plant, &effects)).collect()
+        };
+        let (without, with, instead) = (predict(&rest)?, predict(model)?, predict(&replaced)?);
+        let mine = |k: usize| difference(&with[k], &without[k], 1.0);
+        let yours = |k: usize| difference(&instead[k], &without[k], 1.0);
+        let (a, b) = (weighted(&mine, &mine), weighted(&yours, &yours));
+        Ok(weighted(&mine, &yours).abs() > identical * (a * b).sqrt())
+    }
+
     /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
     pub(crate) fn gram(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<Gram> {
+        let mut sum: Option<Gram> = None;
+        for own in self.grams_of_runs(linearized, hyper, parameters)? {
+            match &mut sum {
+                None => sum = Some(own),
+                Some(sum) => {
+                    sum.products += own.products;
+                    sum.log_det += own.log_det;
+                }
+            }
+        }
+        sum
+    }
+
+    /// The same of each run that has any block.
+    pub(crate) fn grams_of_runs(
+        &self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        parameters: &[usize],
+    ) -> Option<Vec<Gram>> {
         let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| {
             let (matrix, log_det) = self.whitened(member, columns, hyper, parameters);
             (member.run, Gram { products: matrix.tr_mul(&matrix), log_det })
         };
         let all: Vec<(usize, Gram)> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();
         let n = parameters.len() + 1;
-        let mut sum = Gram { products: DMatrix::zeros(n, n), log_det: 0.0 };
         let kappa = *hyper.last()?;
         let sd: Vec<f64> = parameters.iter().map(|p| kappa * self.variation[*p]).collect();
-        for run in 0..self.runs {
+        let mut out = Vec::new();
+        for run in (0..self.runs).filter(|run| all.iter().any(|(of, _)| of == run)) {
             let mut own = Gram { products: DMatrix::zeros(n, n), log_det: 0.0 };
             for (_, gram) in all.iter().filter(|(of, _)| *of == run) {
                 own.products += &gram.products;
                 own.log_det += gram.log_det;
             }
-            let own = varied(own, &sd)?;
-            sum.products += own.products;
-            sum.log_det += own.log_det;
+            out.push(varied(own, &sd)?);
         }
-        Some(sum)
+        Some(out)
     }
 }
 

@@ -5,13 +5,13 @@
 //! hyper-parameters are optimized, everything is linearized anew about it, until set and values stand still.
 
 use crate::block::Strength;
-use crate::problem::{Linearized, Present, Problem};
+use crate::problem::{Linearized, Present, Problem, Slope};
 use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
 use fss_estimation::pattern_search::maximize;
 use fss_multibody::ModelError;
 use fss_plant::{Response, SLAB_WIDTHS};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 /// Prior probability of so many causes.
 const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
@@ -23,10 +23,18 @@ const LADDER: [f64; 7] = [1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3];
 const SCREENED_AT: [f64; 4] = [1.0, 0.1, 0.01, 1e-3];
 const SHORTLIST: usize = 28;
 const SHAPES: usize = 3;
+const OF_A_KIND: usize = 8;
+/// Actions whose cosine is beyond this are one and the same; columns below the other cannot be.
+const IDENTICAL: f64 = 0.999;
+const ALIKE: f64 = 0.9;
 /// Rounds of search, optimization and linearization at the most.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 14;
+/// Steps of estimation about one set at the most.
+const POLISHED: usize = 6;
 /// A change of a coordinate below this share of its deviation stands still.
-const STANDS_STILL: f64 = 0.2;
+const STANDS_STILL: f64 = 0.5;
+/// So often at the most a set is linearized about its values without another set being better.
+const AGAIN: usize = 3;
 /// Standard deviation of a discrete cause's coordinate about 1.
 const DISCRETE_SD: f64 = 0.01;
 
@@ -51,74 +59,103 @@ pub(crate) struct Found {
 }
 
 /// What the search came to.
-pub(crate) struct Searched {
+pub(crate) struct Searched<'a> {
+    pub(crate) search: Search<'a>,
     pub(crate) points: Vec<HyperPoint>,
     /// All sets that were judged, most probable first, each with its probability.
     pub(crate) sets: Vec<(Found, f64)>,
     /// The most probable set at its estimates.
     pub(crate) model: Vec<Present>,
-    /// Its hyper-parameters.
+    /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
     /// Those of no cause at all.
     pub(crate) null_hyper: Vec<f64>,
     pub(crate) linearized: Linearized,
-    /// Parameters that the search knew of.
-    pub(crate) parameters: Vec<usize>,
-    pub(crate) position: Vec<Option<usize>>,
 }
 
-struct Search<'a> {
-    problem: &'a Problem,
+pub(crate) struct Search<'a> {
+    pub(crate) problem: &'a Problem,
     /// Parameters in the Gram matrices, and the place of each of the problem's parameters among them.
     parameters: Vec<usize>,
     position: Vec<Option<usize>>,
     /// Logarithm of each candidate's prior among all.
     log_prior: Vec<f64>,
     /// Candidates that the present round looks at.
-    chosen: Vec<usize>,
+    pub(crate) chosen: Vec<usize>,
+    /// Pairs of candidates that these data cannot tell apart at all.
+    pub(crate) identical: BTreeSet<(usize, usize)>,
 }
 
-pub(crate) fn search(problem: &Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched, ModelError> {
+pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
     say("linearizing");
-    let mut linearized = problem.linearized(&[], &|_| true, None)?;
+    let mut linearized = problem.linearized(&[], Slope::Secant, &|_| true, None)?;
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
     let start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
     let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0);
     let mut hyper = null_hyper.clone();
     let mut model: Vec<Present> = Vec::new();
+    let (mut largest, mut again) = (1, 0);
+    let mut visited = BTreeSet::from([Vec::new()]);
     for round in 1..=ROUNDS {
-        say(&format!("searching, round {round}"));
+        say(&format!("searching for up to {largest}, round {round}"));
         search.shortlist(&linearized, &model, &null_hyper, &hyper);
         if round > 1 {
             let chosen = &search.chosen;
-            linearized = problem.linearized(&model, &|c| chosen.contains(&c), Some(linearized))?;
+            linearized = problem.linearized(&model, Slope::Secant, &|c| chosen.contains(&c), Some(linearized))?;
         }
         let points = search.points(&linearized, &null_hyper, &hyper);
-        let sets = search.beam(&points, round.min(SIZES.len() - 1));
-        let best = &sets[0];
-        let estimate = search.estimate(&points, best);
-        let same = search.stands_still(&model, &estimate) && round >= SIZES.len().min(best.causes.len() + 2);
-        if same || round == ROUNDS {
+        let sets = search.beam(&points, largest);
+        let best = sets[0].clone();
+        search.trace(&points, &sets);
+        let estimate = search.estimate(&points, &best);
+        let same = model.len() == best.causes.len() && model.iter().all(|p| best.causes.contains(&p.candidate));
+        again = if same { again + 1 } else { 0 };
+        let still = search.stands_still(&model, &estimate) || again >= AGAIN;
+        let mut key = best.causes.clone();
+        key.sort_unstable();
+        // A set that was left for another and comes back would go on so for ever: it is taken.
+        let comes_back = !same && !visited.insert(key);
+        let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
+        if (still && is_whole) || comes_back || round == ROUNDS {
             let sets = probabilities(sets);
-            let (parameters, position) = (search.parameters.clone(), search.position.clone());
-            return Ok(Searched { points, sets, model, hyper, null_hyper, linearized, parameters, position });
+            let model = if same { model } else { estimate.0 };
+            return Ok(Searched { search, points, sets, model, hyper, null_hyper, linearized });
         }
-        let changed = !search.stands_still(&model, &estimate);
-        model = estimate.0;
-        if changed {
-            say(&format!("linearizing about {}", search.names(&model)));
-            let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-            linearized = problem.linearized(&model, &|c| present.contains(&c), Some(linearized))?;
+        if still {
+            (largest, again) = (largest + 1, 0);
+            continue;
         }
-        hyper = search.optimized(&linearized, &best.causes, &best.classes, &hyper, 0.5);
+        let start = &points[search.judge(&points, &best.causes, &best.classes).1].hyper;
+        model = search.polished(estimate.0, &best, start)?;
+        say(&format!("linearizing about {}", search.names(&model)));
+        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+        linearized = problem.linearized(&model, Slope::Secant, &|c| present.contains(&c), Some(linearized))?;
+        search.note_identical(&linearized, &model)?;
+        hyper = search.optimized(&linearized, &best.causes, &best.classes, start, 0.5);
     }
     unreachable_round()
 }
 
 /// The loop above always returns in its last round.
-fn unreachable_round() -> Result<Searched, ModelError> {
+fn unreachable_round<'a>() -> Result<Searched<'a>, ModelError> {
     unreachable!("the last round returns")
+}
+
+impl Searched<'_> {
+    /// Place of the first uncertain value among the search's parameters.
+    pub(crate) fn uncertain_at(&self) -> usize {
+        self.search.parameters.len() - self.search.problem.uncertain.len()
+    }
+
+    /// Posterior means of the uncertain values with the best set, in stated standard deviations.
+    pub(crate) fn uncertain_means(&self) -> Vec<f64> {
+        let best = &self.sets[0].0;
+        let slabs = self.search.slabs(&best.causes, &best.classes, &self.search.position);
+        let found = self.search.posterior(&self.points, best).zip(slabs);
+        let means = found.map(|((posterior, at), slabs)| self.points[at].posterior.means_given(&slabs, &posterior));
+        means.map_or_else(|| vec![0.0; self.search.problem.uncertain.len()], |m| m[self.uncertain_at()..].to_vec())
+    }
 }
 
 fn probabilities(sets: Vec<Found>) -> Vec<(Found, f64)> {
@@ -139,7 +176,7 @@ impl<'a> Search<'a> {
         problem.candidates.iter().for_each(|c| *count.entry(&c.kind).or_default() += 1);
         let kinds = count.len() as f64;
         let log_prior = problem.candidates.iter().map(|c| -(kinds * count[c.kind.as_str()] as f64).ln()).collect();
-        Self { problem, parameters, position, log_prior, chosen: Vec::new() }
+        Self { problem, parameters, position, log_prior, chosen: Vec::new(), identical: BTreeSet::new() }
     }
 
     /// Chooses the candidates that explain most beside the present model, at some strength of the discrepancy.
@@ -161,27 +198,36 @@ impl<'a> Search<'a> {
         let hypers = SCREENED_AT.iter().map(|by| self.scaled(null, *by, *by)).chain([present.to_vec()]);
         let mut best = vec![f64::NEG_INFINITY; problem.candidates.len()];
         for hyper in hypers {
-            let Some(gains) = problem.screened(linearized, &hyper, &base, &sd, &slabs) else { continue };
-            best.iter_mut().zip(gains).for_each(|(b, g)| *b = b.max(g));
+            let Some(values) = problem.screened(linearized, &hyper, &base, &sd, &slabs) else { continue };
+            let prior = self.log_prior_of(&hyper);
+            best.iter_mut().zip(values).for_each(|(b, value)| *b = b.max(value + prior));
         }
         let value = |c: usize| best[c] + self.log_prior[c];
         let mut order: Vec<usize> = (0..best.len()).filter(|c| best[*c] > f64::NEG_INFINITY).collect();
         order.sort_by(|a, b| value(*b).total_cmp(&value(*a)).then(a.cmp(b)));
+        if std::env::var_os("FSS_TRACE").is_some() {
+            for c in order.iter().take(8) {
+                eprintln!(
+                    "    {:.1} {} {:?} {:?}",
+                    value(*c),
+                    problem.candidates[*c].kind,
+                    problem.candidates[*c].nominal.index(),
+                    problem.candidates[*c].nominal.channel()
+                );
+            }
+        }
         let mut chosen: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let mut of_kind: HashMap<&str, usize> = HashMap::new();
         for c in order {
             let shapes = of_kind.entry(&problem.candidates[c].kind).or_default();
-            let is_shape = problem.candidates[c].is_law;
-            if chosen.len() < SHORTLIST && !chosen.contains(&c) && !(is_shape && *shapes >= SHAPES) {
+            let room = if problem.candidates[c].is_law { SHAPES } else { OF_A_KIND };
+            if chosen.len() < SHORTLIST && !chosen.contains(&c) && *shapes < room {
                 *shapes += 1;
                 chosen.push(c);
             }
         }
         chosen.sort_unstable();
-        self.parameters =
-            chosen.iter().flat_map(|c| problem.parameters_of(*c)).chain(problem.uncertain_parameters()).collect();
-        self.position = vec![None; problem.parameters()];
-        self.parameters.iter().enumerate().for_each(|(at, p)| self.position[*p] = Some(at));
+        (self.parameters, self.position) = self.parameters_with(&chosen);
         self.chosen = chosen;
     }
 
@@ -202,7 +248,7 @@ impl<'a> Search<'a> {
         self.problem.hyper.iter().zip(hyper).map(density).sum()
     }
 
-    fn point(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<HyperPoint> {
+    pub(crate) fn point(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<HyperPoint> {
         let gram = self.problem.gram(linearized, hyper, parameters)?;
         let spikes: Vec<f64> = parameters.iter().map(|p| self.problem.spikes[*p]).collect();
         let posterior = SpikePosterior::new(&gram, &spikes)?;
@@ -218,18 +264,15 @@ impl<'a> Search<'a> {
         start: &[f64],
         width: f64,
     ) -> Vec<f64> {
-        let parameters: Vec<usize> = causes
-            .iter()
-            .flat_map(|c| self.problem.parameters_of(*c))
-            .chain(self.problem.uncertain_parameters())
-            .collect();
-        let mut position = vec![None; self.problem.parameters()];
-        parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
+        let (parameters, position) = self.parameters_with(causes);
         let bounded = |logs: &[f64]| -> Vec<f64> {
             logs.iter().zip(&self.problem.hyper).map(|(l, h)| l.exp().clamp(h.bounds[0], h.bounds[1])).collect()
         };
         let value = |logs: &[f64]| {
             let hyper = bounded(logs);
+            if hyper.iter().zip(logs).any(|(h, l)| (h.ln() - l).abs() > 1e-9) {
+                return f64::NEG_INFINITY;
+            }
             let Some(point) = self.point(linearized, &hyper, &parameters) else { return f64::NEG_INFINITY };
             let Some(slabs) = self.slabs(causes, classes, &position) else { return f64::NEG_INFINITY };
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
@@ -256,17 +299,22 @@ impl<'a> Search<'a> {
     /// The hyper-parameters that sets are compared at: the ladder down from those of no cause, and about the present ones.
     fn points(&self, linearized: &Linearized, null: &[f64], present: &[f64]) -> Vec<HyperPoint> {
         let mut grid: Vec<Vec<f64>> = Vec::new();
-        let scaled = |from: &[f64], a: f64, b: f64| self.scaled(from, a, b);
+        // Below the strength that the empty set needs, its inflated noise is no guide either.
+        let quiet: Vec<f64> = null
+            .iter()
+            .zip(&self.problem.hyper)
+            .map(|(v, h)| if h.strength_of.is_some() { *v } else { h.median })
+            .collect();
         for (i, a) in LADDER.iter().enumerate() {
             for (j, b) in LADDER.iter().enumerate() {
                 if i.abs_diff(j) <= 1 {
-                    grid.push(scaled(null, *a, *b));
+                    grid.push(self.scaled(if i + j == 0 { null } else { &quiet }, *a, *b));
                 }
             }
         }
         for a in [0.7, 1.0, 1.4] {
             for b in [0.7, 1.0, 1.4] {
-                grid.push(scaled(present, a, b));
+                grid.push(self.scaled(present, a, b));
             }
         }
         grid.dedup();
@@ -279,7 +327,7 @@ impl<'a> Search<'a> {
     }
 
     /// The priors of a set's parameters.
-    fn slabs(&self, causes: &[usize], classes: &[usize], position: &[Option<usize>]) -> Option<Vec<Slab>> {
+    pub(crate) fn slabs(&self, causes: &[usize], classes: &[usize], position: &[Option<usize>]) -> Option<Vec<Slab>> {
         let mut slabs = Vec::new();
         for (candidate, class) in causes.iter().zip(classes) {
             let own = &self.problem.candidates[*candidate];
@@ -299,7 +347,7 @@ impl<'a> Search<'a> {
     }
 
     /// A set's marginal likelihood at the best of the points, and which that is.
-    fn judge(&self, points: &[HyperPoint], causes: &[usize], classes: &[usize]) -> (f64, usize) {
+    pub(crate) fn judge(&self, points: &[HyperPoint], causes: &[usize], classes: &[usize]) -> (f64, usize) {
         let Some(slabs) = self.slabs(causes, classes, &self.position) else { return (f64::NEG_INFINITY, 0) };
         let weight: f64 = causes.iter().map(|c| (self.classes(*c) as f64).ln()).sum();
         let mut best = (f64::NEG_INFINITY, 0);
@@ -377,6 +425,24 @@ impl<'a> Search<'a> {
         all
     }
 
+    /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
+    /// differ where actions are not in proportion.
+    fn note_identical(&mut self, linearized: &Linearized, model: &[Present]) -> Result<(), ModelError> {
+        for present in model {
+            let own = present.candidate;
+            for other in (0..self.problem.candidates.len()).filter(|c| *c != own) {
+                let pair = (own.min(other), own.max(other));
+                if self.identical.contains(&pair) || self.problem.candidates[other].is_law {
+                    continue;
+                }
+                if self.problem.acts_alike(linearized, model, present, other, ALIKE, IDENTICAL)? {
+                    self.identical.insert(pair);
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Every cause's class in turn, the others' as they are.
     fn refine_classes(&self, points: &[HyperPoint], set: &mut Found) {
         for free in 0..set.causes.len() {
@@ -396,13 +462,68 @@ impl<'a> Search<'a> {
                 && crate::problem::is_same(&own.nominal, &other.nominal)
                 && own.prior.response != Response::Discrete
         };
-        !causes.contains(&candidate) && !causes.iter().any(twice)
+        let same = |other: &usize| self.identical.contains(&(candidate.min(*other), candidate.max(*other)));
+        !causes.contains(&candidate) && !causes.iter().any(|c| twice(c) || same(c))
+    }
+
+    /// Gauss-Newton steps: the model's coordinates at the posterior mean of its linearization about themselves.
+    fn polished(&self, mut model: Vec<Present>, set: &Found, hyper: &[f64]) -> Result<Vec<Present>, ModelError> {
+        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+        let (parameters, position) = self.parameters_with(&present);
+        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
+        for _ in 0..POLISHED {
+            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c| present.contains(&c), None)?;
+            let Some(point) = self.point(&linearized, hyper, &parameters) else { break };
+            let Some(posterior) = point.posterior.of_set(&slabs) else { break };
+            let estimate = self.presented(set, &posterior);
+            let still = self.stands_still(&model, &estimate);
+            model = estimate.0;
+            if still {
+                break;
+            }
+        }
+        Ok(model)
+    }
+
+    /// Parameters of some candidates and the uncertain values, and where each of the problem's is among them.
+    pub(crate) fn parameters_with(&self, candidates: &[usize]) -> (Vec<usize>, Vec<Option<usize>>) {
+        let own = candidates.iter().flat_map(|c| self.problem.parameters_of(*c));
+        let parameters: Vec<usize> = own.chain(self.problem.uncertain_parameters()).collect();
+        let mut position = vec![None; self.problem.parameters()];
+        parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
+        (parameters, position)
+    }
+
+    fn trace(&self, points: &[HyperPoint], sets: &[Found]) {
+        if std::env::var_os("FSS_TRACE").is_none() {
+            return;
+        }
+        for set in sets.iter().take(4) {
+            let at = self.judge(points, &set.causes, &set.classes).1;
+            let name = |c: &usize| {
+                let c = &self.problem.candidates[*c];
+                format!("{} {:?} {:?}", c.kind, c.nominal.index(), c.nominal.channel())
+            };
+            eprintln!(
+                "    {:.1} {:?} {:?} at {at}",
+                set.log_posterior,
+                set.causes.iter().map(name).collect::<Vec<_>>(),
+                set.classes
+            );
+        }
     }
 
     /// The best set at its posterior mean, and the deviations of its coordinates.
     fn estimate(&self, points: &[HyperPoint], set: &Found) -> (Vec<Present>, Vec<Vec<f64>>) {
+        match self.posterior(points, set) {
+            Some((posterior, _)) => self.presented(set, &posterior),
+            None => (Vec::new(), Vec::new()),
+        }
+    }
+
+    /// A set at its posterior mean, within bounds, and the deviations of its coordinates.
+    fn presented(&self, set: &Found, posterior: &SetPosterior) -> (Vec<Present>, Vec<Vec<f64>>) {
         let (mut model, mut deviations) = (Vec::new(), Vec::new());
-        let Some((posterior, _)) = self.posterior(points, set) else { return (model, deviations) };
         let mut at = 0;
         for candidate in &set.causes {
             let size = self.problem.candidates[*candidate].size;
@@ -449,40 +570,4 @@ fn sort(sets: &mut [Found]) {
 fn log_sum(values: &[f64]) -> f64 {
     let top = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY { top } else { top + values.iter().map(|v| (v - top).exp()).sum::<f64>().ln() }
-}
-
-/// For trying out: the search's findings in a few lines.
-pub(crate) fn told(problem: &Problem, searched: &Searched) -> String {
-    use std::fmt::Write;
-    let mut out = String::new();
-    let named = |hyper: &[f64]| {
-        problem.hyper.iter().zip(hyper).map(|(h, v)| format!("{} {v:.3e}", h.name)).collect::<Vec<_>>().join("; ")
-    };
-    let _ = writeln!(out, "null  {}\nbest  {}", named(&searched.null_hyper), named(&searched.hyper));
-    for (set, p) in searched.sets.iter().take(6) {
-        let names: Vec<String> = set
-            .causes
-            .iter()
-            .map(|c| {
-                let c = &problem.candidates[*c];
-                let probe: Vec<f64> = (0..c.size).map(|i| c.probe(i)).collect();
-                format!(
-                    "{} {:?} {:?} {:?}",
-                    c.kind,
-                    c.nominal.index(),
-                    c.nominal.channel(),
-                    c.at(&probe).first().map(|e| e.values().to_vec())
-                )
-            })
-            .collect();
-        let _ = writeln!(out, "  {p:.4} {:.1} {names:?} {:?}", set.log_posterior, set.classes);
-    }
-    let effects: Vec<String> = searched
-        .model
-        .iter()
-        .flat_map(|p| problem.candidates[p.candidate].at(&p.coordinates))
-        .map(|e| e.to_string())
-        .collect();
-    let _ = writeln!(out, "  model {effects:?}");
-    out
 }

@@ -76,6 +76,11 @@ impl SpikePosterior {
         log_evidence.is_finite().then(|| Self { covariance, mean, spikes: spikes.to_vec(), log_evidence })
     }
 
+    /// Posterior mean of every parameter in its spike.
+    pub fn means(&self) -> &[f64] {
+        self.mean.as_slice()
+    }
+
     /// Posterior mean of every parameter where the parameters of a set are those of its posterior.
     pub fn means_given(&self, set: &[Slab], posterior: &SetPosterior) -> Vec<f64> {
         let Some(inverse) = self.precision(set) else { return self.mean.as_slice().to_vec() };

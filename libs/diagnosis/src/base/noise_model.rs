@@ -65,6 +65,26 @@ impl NoiseModel {
         BODY + if self.arm.is_some() { ARM } else { 0 } + usize::from(self.gyro_walk > 0.0)
     }
 
+    /// Root of the spectral density at low frequency of force and torque, coloured and white together, and the expected one.
+    pub(super) fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
+        let expected: Vec<f64> = self.hyper_parameters.iter().map(|h| h.median).collect();
+        let density =
+            |h: &Hyper, strength: f64, white: f64| (2.0 * strength.powi(2) * h.correlation + white.powi(2)).sqrt();
+        let both = |pick: fn(&Hyper) -> (f64, f64)| {
+            let of = |values: &[f64]| {
+                let h = Hyper::of(values);
+                let (strength, white) = pick(&h);
+                density(&h, strength, white)
+            };
+            (of(hyper), of(&expected))
+        };
+        let (force, torque) = (both(|h| (h.force, h.white_force)), both(|h| (h.torque, h.white_torque)));
+        vec![
+            ("force on the base (N s^0.5)".to_owned(), force.0, force.1),
+            ("torque on the base (N m s^0.5)".to_owned(), torque.0, torque.1),
+        ]
+    }
+
     /// The model at these values of the hyper-parameters.
     pub(super) fn state_space(&self, hyper: &[f64]) -> StateSpace {
         let h = Hyper::of(hyper);

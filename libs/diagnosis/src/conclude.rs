@@ -1,0 +1,192 @@
+//! From the posterior over sets to an answer: which causes are asserted, what could stand in their place, whether a discrepancy
+//! remains.
+
+use crate::candidates::Candidate;
+use crate::diagnosis::{Alternative, Cause, Discrepancy, Verdict};
+use crate::problem::Problem;
+use crate::scores::Scores;
+use crate::search::{Found, Searched};
+use fss_estimation::evidence::SetPosterior;
+use fss_plant::{Effect, Response};
+
+/// Posterior probability from which a cause, or one of its alternatives, is asserted.
+pub const ASSERTED: f64 = 0.9;
+/// A cause that replaces another at a loss below this is its alternative (nats).
+const ALTERNATIVE_NATS: f64 = 3.0;
+/// Alternatives below this probability are not told.
+const TOLD: f64 = 0.01;
+/// A discrepancy this many times the expected one is more than its inference is uncertain by.
+const UNEXPECTED: f64 = 3.0;
+
+/// What is asserted and what is not.
+pub(crate) struct Concluded {
+    pub(crate) verdict: Verdict,
+    pub(crate) causes: Vec<Cause>,
+    pub(crate) suspects: Vec<Cause>,
+    pub(crate) laws: Vec<Effect>,
+    pub(crate) discrepancy: Vec<Discrepancy>,
+    pub(crate) inclusion: Vec<(Effect, f64)>,
+    pub(crate) probability_of_none: f64,
+}
+
+pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) -> Concluded {
+    let best = &searched.sets[0].0;
+    let posterior = searched.search.posterior(&searched.points, best).map(|p| p.0);
+    let (mut causes, mut suspects, mut laws) = (Vec::new(), Vec::new(), Vec::new());
+    for (place, candidate) in best.causes.iter().enumerate() {
+        let Some(posterior) = &posterior else { continue };
+        let class = class_of(searched, best, *candidate);
+        let class_probability = probability_of_any(searched, &class);
+        let own = &problem.candidates[*candidate];
+        let Some(present) = searched.model.iter().find(|p| p.candidate == *candidate) else { continue };
+        let effects = own.at(&present.coordinates);
+        if own.is_law {
+            if class_probability >= ASSERTED {
+                laws.extend(effects);
+            }
+            continue;
+        }
+        let Some(effect) = effects.into_iter().next() else { continue };
+        let cause = Cause {
+            effect,
+            std: deviations(problem, best, place, posterior, own),
+            probability: probability_of_any(searched, &equivalent(searched, *candidate)),
+            class_probability,
+            alternatives: alternatives(problem, searched, &class, *candidate, &present.coordinates),
+            validation_nats: scores.validation.get(place).copied(),
+            left_out_nats: scores.left_out.get(place).copied().unwrap_or(0.0),
+        };
+        if class_probability >= ASSERTED { causes.push(cause) } else { suspects.push(cause) }
+    }
+    let by_probability = |a: &Cause, b: &Cause| b.class_probability.total_cmp(&a.class_probability);
+    causes.sort_by(by_probability);
+    let discrepancy = discrepancies(problem, searched);
+    let remains = !laws.is_empty() || discrepancy.iter().any(|d| d.inferred > UNEXPECTED * d.expected);
+    let verdict = match (causes.is_empty(), remains) {
+        (true, false) => Verdict::Consistent,
+        (false, false) => Verdict::Explained,
+        (false, true) => Verdict::PartlyExplained,
+        (true, true) => Verdict::Unexplained,
+    };
+    let none = searched.sets.iter().find(|(set, _)| set.causes.is_empty()).map_or(0.0, |(_, p)| *p);
+    Concluded {
+        verdict,
+        causes,
+        suspects,
+        laws,
+        discrepancy,
+        inclusion: inclusion(problem, searched),
+        probability_of_none: none,
+    }
+}
+
+/// The candidate and those that act just as it does.
+fn equivalent(searched: &Searched, candidate: usize) -> Vec<usize> {
+    let others = searched.search.identical.iter().filter_map(|(a, b)| match candidate {
+        c if c == *a => Some(*b),
+        c if c == *b => Some(*a),
+        _ => None,
+    });
+    std::iter::once(candidate).chain(others).collect()
+}
+
+/// The candidate, its equivalents, and those that replace it in the best set at little loss.
+fn class_of(searched: &Searched, best: &Found, candidate: usize) -> Vec<usize> {
+    let mut class = equivalent(searched, candidate);
+    for (set, _) in &searched.sets {
+        let is_replaced = set.causes.len() == best.causes.len()
+            && best.log_posterior - set.log_posterior < ALTERNATIVE_NATS
+            && best.causes.iter().all(|c| *c == candidate || set.causes.contains(c));
+        if is_replaced {
+            class.extend(set.causes.iter().copied().filter(|c| !best.causes.contains(c)));
+        }
+    }
+    class.sort_unstable();
+    class.dedup();
+    class
+}
+
+fn probability_of_any(searched: &Searched, candidates: &[usize]) -> f64 {
+    let holds = |set: &Found| set.causes.iter().any(|c| candidates.contains(c));
+    let sum: f64 = searched.sets.iter().filter(|(set, _)| holds(set)).map(|(_, p)| p).sum();
+    sum.min(1.0)
+}
+
+fn alternatives(
+    problem: &Problem,
+    searched: &Searched,
+    class: &[usize],
+    own: usize,
+    coordinates: &[f64],
+) -> Vec<Alternative> {
+    let equals = equivalent(searched, own);
+    let mut all: Vec<Alternative> = Vec::new();
+    for other in class.iter().filter(|c| **c != own) {
+        let is_equivalent = equals.contains(other);
+        let probability = probability_of_any(searched, &[*other]);
+        if !is_equivalent && probability < TOLD {
+            continue;
+        }
+        let candidate = &problem.candidates[*other];
+        let at = estimate_of(problem, searched, *other)
+            .unwrap_or_else(|| coordinates.iter().map(|c| c.abs()).take(candidate.size).collect());
+        if let Some(effect) = candidate.at(&at).into_iter().next() {
+            all.push(Alternative { effect, probability, is_equivalent });
+        }
+    }
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    all
+}
+
+/// A candidate's coordinates in the most probable set that holds it.
+fn estimate_of(problem: &Problem, searched: &Searched, candidate: usize) -> Option<Vec<f64>> {
+    let (set, _) = searched.sets.iter().find(|(set, _)| set.causes.contains(&candidate))?;
+    let (posterior, _) = searched.search.posterior(&searched.points, set)?;
+    let before: usize = set.causes.iter().take_while(|c| **c != candidate).map(|c| problem.candidates[*c].size).sum();
+    Some(posterior.mean[before..before + problem.candidates[candidate].size].to_vec())
+}
+
+/// Standard deviations of the effect's parameters, from those of its coordinates.
+fn deviations(problem: &Problem, set: &Found, place: usize, posterior: &SetPosterior, own: &Candidate) -> Vec<f64> {
+    let first: usize = set.causes[..place].iter().map(|c| problem.candidates[*c].size).sum();
+    let variance = |i: usize, j: usize| posterior.covariance[(first + i, first + j)];
+    let mean = |i: usize| posterior.mean[first + i];
+    let mut std = vec![0.0; own.nominal.values().len()];
+    match own.prior.response {
+        Response::Linear => (0..own.size).for_each(|i| std[i] = variance(i, i).sqrt()),
+        Response::Shape(_) => std[0] = variance(0, 0).sqrt(),
+        Response::Discrete => {}
+        Response::Inverse => std[0] = variance(0, 0).sqrt() / mean(0).powi(2),
+        Response::Strength => {
+            std[0] = variance(0, 0).sqrt();
+            for i in 1..own.size {
+                let k = mean(0);
+                let of_ratio = variance(i, i) / k.powi(2) + mean(i).powi(2) * variance(0, 0) / k.powi(4)
+                    - 2.0 * mean(i) * variance(0, i) / k.powi(3);
+                std[i] = of_ratio.max(0.0).sqrt();
+            }
+        }
+    }
+    std
+}
+
+/// Of each strength, the largest over the families of blocks.
+fn discrepancies(problem: &Problem, searched: &Searched) -> Vec<Discrepancy> {
+    let told = problem.discrepancies(&searched.hyper);
+    told.into_iter().map(|(name, inferred, expected)| Discrepancy { name, inferred, expected }).collect()
+}
+
+fn inclusion(problem: &Problem, searched: &Searched) -> Vec<(Effect, f64)> {
+    let mut all: Vec<(Effect, f64)> = Vec::new();
+    for candidate in &searched.search.chosen {
+        let probability = probability_of_any(searched, &[*candidate]);
+        if probability >= TOLD
+            && let Some(at) = estimate_of(problem, searched, *candidate)
+            && let Some(effect) = problem.candidates[*candidate].at(&at).into_iter().next()
+        {
+            all.push((effect, probability));
+        }
+    }
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    all
+}

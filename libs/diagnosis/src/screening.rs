@@ -1,0 +1,78 @@
+//! A first look at all candidates, one at a time beside the present model: which are worth searching with.
+
+use crate::problem::{Linearized, Problem};
+use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+
+/// Sums over all blocks: products of the data and the base columns with all columns, and those of each candidate's own.
+struct Products {
+    with_base: DMatrix<f64>,
+    own: Vec<DMatrix<f64>>,
+    log_det: f64,
+}
+
+impl Problem {
+    /// Logarithm of the marginal likelihood with each candidate, the parameters of `base` present with normal priors of the
+    /// standard deviations `base_sd`. `slabs` gives the priors of a candidate's own parameters, counted from 0, one set a
+    /// class. The variation from run to run is left out.
+    pub(crate) fn screened(
+        &self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        base: &[usize],
+        base_sd: &[f64],
+        slabs: &(dyn Fn(usize) -> Vec<Vec<Slab>> + Sync),
+    ) -> Option<Vec<f64>> {
+        let sum = self.products(linearized, hyper, base)?;
+        let n = base.len();
+        let prior = |i: usize, j: usize| if i == j { base_sd[i].powi(-2) } else { 0.0 };
+        let among = DMatrix::from_fn(n, n, |i, j| sum.with_base[(i + 1, base[j] + 1)] + prior(i, j));
+        let cholesky = Cholesky::new(among)?;
+        let of_data = sum.with_base.view((1, 0), (n, 1)).into_owned();
+        let pulled_data = cholesky.solve(&of_data);
+        let log_det: f64 = (0..n).map(|i| 2.0 * (cholesky.l_dirty()[(i, i)] * base_sd[i]).ln()).sum();
+        let evidence = |candidate: usize| {
+            let range = self.parameters_of(candidate);
+            let cross = sum.with_base.view((1, range.start + 1), (n, range.len())).into_owned();
+            let b = sum.with_base.view((0, range.start + 1), (1, range.len())).transpose() - cross.tr_mul(&pulled_data);
+            let a = &sum.own[candidate] - cross.tr_mul(&cholesky.solve(&cross));
+            let c = sum.with_base[(0, 0)] - of_data.dot(&pulled_data);
+            let size = range.len() + 1;
+            let products = DMatrix::from_fn(size, size, |i, j| match (i, j) {
+                (0, 0) => c,
+                (0, k) | (k, 0) => b[k - 1],
+                (i, j) => a[(i - 1, j - 1)],
+            });
+            let gram = Gram { products, log_det: sum.log_det + log_det };
+            let alone = SpikePosterior::new(&gram, &self.spikes[range]);
+            let sets = slabs(candidate).into_iter();
+            let found = sets.filter_map(|set| alone.as_ref()?.of_set(&set)).map(|p| p.log_evidence);
+            found.fold(f64::NEG_INFINITY, f64::max)
+        };
+        Some((0..self.candidates.len()).into_par_iter().map(evidence).collect())
+    }
+
+    fn products(&self, linearized: &Linearized, hyper: &[f64], base: &[usize]) -> Option<Products> {
+        let all: Vec<usize> = (0..self.parameters()).collect();
+        let of_member = |(member, columns): (&crate::problem::Member, &Vec<Vec<f64>>)| {
+            let (white, log_det) = self.whitened(member, columns, hyper, &all);
+            let place = |j: usize| if j == 0 { 0 } else { base[j - 1] + 1 };
+            let chosen = DMatrix::from_fn(white.nrows(), base.len() + 1, |i, j| white[(i, place(j))]);
+            let own = (0..self.candidates.len()).map(|c| {
+                let range = self.parameters_of(c);
+                let columns = white.columns(range.start + 1, range.len());
+                columns.tr_mul(&columns)
+            });
+            Products { with_base: chosen.tr_mul(&white), own: own.collect(), log_det }
+        };
+        let add = |mut a: Products, b: Products| {
+            a.with_base += b.with_base;
+            a.own.iter_mut().zip(b.own).for_each(|(a, b)| *a += b);
+            a.log_det += b.log_det;
+            a
+        };
+        let each: Vec<Products> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();
+        each.into_iter().reduce(add)
+    }
+}
