@@ -143,7 +143,7 @@ impl Rollout {
         let early = self.physics(grid.start_s).sensors.clock_offset_s[Stream::Valves as usize];
         let count = self.stages[0].1.thrusters.len();
         let mut states = vec![Valve::new(); count];
-        // The first pass only brings the thrusters to the start of the grid, from the last row that they may have forgotten.
+        // The first pass only brings the thrusters to the start of the grid, from the row that held when their memory begins.
         let forgotten_s = grid.start_s - memory_s(self.physics(grid.start_s - 0.5 * grid.step_s));
         let forgotten = commands.rows.partition_point(|(stamp, _)| stamp - early < forgotten_s);
         let mut rows = commands.rows[forgotten.saturating_sub(1)..].iter().peekable();
