@@ -104,7 +104,7 @@ pub(crate) fn swinging(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
 /// Whether anything in these runs could ever show the effect.
 fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
     let any = |f: &dyn Fn(&Run) -> bool| runs.iter().any(f);
-    let opens = |i: usize| any(&|r| r.valves.iter().any(|(_, open)| open.get(i - 1).copied().unwrap_or(false)));
+    let opens = |i: usize| any(&|r| r.fires(i));
     let joints = any(&|r| r.joints.is_some());
     let current = any(&|r| r.joints.as_ref().is_some_and(|j| !j.current_a.is_empty()));
     let torque = any(&|r| r.joints.as_ref().is_some_and(|j| !j.torque_nm.is_empty()));
@@ -113,7 +113,7 @@ fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
     let mocap = any(&|r| r.base_pose.is_some());
     let gyro = any(&|r| r.gyro.is_some());
     let floats = !plant.base.clamped;
-    let valves = any(&|r| r.valves.iter().any(|(_, open)| open.iter().any(|o| *o)));
+    let valves = any(&Run::fires_at_all);
     match effect.id() {
         "clock_offset" => match effect.channel() {
             Some("mocap") => mocap,

@@ -37,21 +37,21 @@ impl std::fmt::Display for Mismatch {
 /// Finds such runs among those that `trial` does not explain.
 pub(crate) fn mismatches(trial: &Trial, runs: &[Run], windows: Windows) -> Result<Vec<Mismatch>, ModelError> {
     let of = |(i, run): (usize, &Run)| -> Result<Option<Mismatch>, ModelError> {
-        let left = |valves: &[(f64, Vec<bool>)]| mean_square(trial, run, valves, windows);
-        let Some(own) = left(&run.valves)?.filter(|own| *own > UNEXPLAINED) else { return Ok(None) };
-        let is_coasting = run.valves.iter().all(|(_, open)| !open.contains(&true));
-        if is_coasting || left(&[])?.is_none_or(|coasting| coasting > own) {
+        let left = |levels: &[(f64, Vec<f64>)]| mean_square(trial, run, levels, windows);
+        let Some(own) = left(&run.thrust_levels)?.filter(|own| *own > UNEXPLAINED) else { return Ok(None) };
+        if !run.fires_at_all() || left(&[])?.is_none_or(|coasting| coasting > own) {
             return Ok(None);
         }
         let is_better = |other: Option<f64>| other.filter(|other| *other - 1.0 < FAR_BETTER * (own - 1.0));
         let mut better: Vec<(f64, String)> = Vec::new();
-        for other in runs.iter().enumerate().filter(|(k, other)| *k != i && !other.valves.is_empty()) {
+        for other in runs.iter().enumerate().filter(|(k, other)| *k != i && !other.thrust_levels.is_empty()) {
             let what = || format!("those of {} do", other.1.name);
-            better.extend(is_better(left(&other.1.valves)?).map(|left| (left, what())));
+            better.extend(is_better(left(&other.1.thrust_levels)?).map(|left| (left, what())));
         }
         let steps = (LONGEST_SHIFT_S / SHIFT_STEP_S).round() as i32;
         for shift_s in (-steps..=steps).map(|k| f64::from(k) * SHIFT_STEP_S) {
-            let shifted: Vec<_> = run.valves.iter().map(|(t_s, open)| (t_s + shift_s, open.clone())).collect();
+            let shifted: Vec<_> =
+                run.thrust_levels.iter().map(|(t_s, levels)| (t_s + shift_s, levels.clone())).collect();
             let what =
                 || format!("the same {:.2} s {} do", shift_s.abs(), if shift_s < 0.0 { "earlier" } else { "later" });
             better.extend(is_better(left(&shifted)?).map(|left| (left, what())));
@@ -69,10 +69,10 @@ pub(crate) fn mismatches(trial: &Trial, runs: &[Run], windows: Windows) -> Resul
 fn mean_square(
     trial: &Trial,
     run: &Run,
-    valves: &[(f64, Vec<bool>)],
+    thrust_levels: &[(f64, Vec<f64>)],
     windows: Windows,
 ) -> Result<Option<f64>, ModelError> {
-    let run = Run { valves: valves.to_vec(), ..run.clone() };
+    let run = Run { thrust_levels: thrust_levels.to_vec(), ..run.clone() };
     let cells = Evidence::gather(trial, std::slice::from_ref(&run), windows)?.cells;
     let freedom: f64 = cells.iter().map(|cell| cell.freedom).sum();
     let left: f64 = cells.iter().map(|cell| cell.residual.norm_squared()).sum();

@@ -19,8 +19,8 @@ pub struct Run {
     pub joint_command: Option<Many>,
     /// What the drivers were told and when, where a log has it: from it their motion is simulated where drives are elastic.
     pub commands: Option<Commands>,
-    /// Commanded valve states, held until the next row.
-    pub valves: Vec<(f64, Vec<bool>)>,
+    /// Commanded levels of the thrusters, 0 to 1, held until the next row; valves are 0, shut, and 1, open.
+    pub thrust_levels: Vec<(f64, Vec<f64>)>,
     /// What drives the joints.
     pub drive: Drive,
     /// Postures in which the arm stood still, as a service collected them in flight.
@@ -39,7 +39,22 @@ const ALL_REPORT_S: f64 = 0.5;
 /// A joint that keeps within so much, rad, rests: a servo that holds it against the base's motion moves it less.
 const RESTS_WITHIN_RAD: f64 = 0.05;
 
+/// Whether any of these commanded levels is above 0.
+pub(crate) fn pushes(levels: &[f64]) -> bool {
+    levels.iter().any(|level| *level > 0.0)
+}
+
 impl Run {
+    /// Whether a thruster, counted from 1, is ever commanded to push.
+    pub(crate) fn fires(&self, thruster: usize) -> bool {
+        self.thrust_levels.iter().any(|(_, levels)| levels.get(thruster - 1).is_some_and(|level| *level > 0.0))
+    }
+
+    /// Whether any thruster is.
+    pub(crate) fn fires_at_all(&self) -> bool {
+        self.thrust_levels.iter().any(|(_, levels)| pushes(levels))
+    }
+
     /// Whether a joint, counted from 1, moves in this run, or may without anybody telling.
     pub(crate) fn moves(&self, joint: usize) -> bool {
         let Some(q_rad) = self.joints.as_ref().and_then(|joints| joints.q_rad.get(joint - 1)) else { return true };

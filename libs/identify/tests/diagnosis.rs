@@ -77,7 +77,9 @@ fn flight(name: &str, truth: Truth, seed: u64) -> Run {
         let slope = rate(&middle, t_s + 0.5 * dt);
         state = std::array::from_fn(|i| state[i] + dt * slope[i]);
     }
-    Run { name: name.into(), base_pose: Some(poses), valves, ..Run::default() }
+    let levels = |open: &Vec<bool>| open.iter().map(|open| f64::from(*open)).collect();
+    let thrust_levels = valves.iter().map(|(t_s, open)| (*t_s, levels(open))).collect();
+    Run { name: name.into(), base_pose: Some(poses), thrust_levels, ..Run::default() }
 }
 
 fn flights(truth: Truth) -> Vec<Run> {
@@ -141,8 +143,8 @@ fn waves_of_the_table_that_no_effect_describes_are_called_unexplained() {
 #[test]
 fn commands_of_another_run_are_told_from_weak_thrusters() {
     let mut runs = flights(Truth::default());
-    let borrowed = runs[2].valves.clone();
-    runs[1].valves = borrowed;
+    let borrowed = runs[2].thrust_levels.clone();
+    runs[1].thrust_levels = borrowed;
     let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
     assert!(found.causes.is_empty(), "{:?}", found.causes);
     let [mismatch] = &found.input_mismatch[..] else { panic!("{:?}", found.input_mismatch) };
@@ -154,7 +156,7 @@ fn commands_of_another_run_are_told_from_weak_thrusters() {
 fn commands_by_a_clock_that_is_off_are_told_and_by_how_much() {
     let mut runs = flights(Truth::default());
     for run in &mut runs {
-        run.valves.iter_mut().for_each(|(t_s, _)| *t_s -= 1.4);
+        run.thrust_levels.iter_mut().for_each(|(t_s, _)| *t_s -= 1.4);
     }
     let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
     assert!(found.causes.iter().all(|c| c.effect.id() == "clock_offset"), "{:?}", found.causes);

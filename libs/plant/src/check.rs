@@ -3,6 +3,7 @@
 use crate::error::Fault;
 use crate::file::Plant;
 use crate::parts::{Battery, Link, Sensors, Servo};
+use crate::thruster::Thruster;
 
 /// Links that the dynamics have room for.
 pub const MAX_LINKS: usize = fss_multibody::MAX_LINKS;
@@ -96,16 +97,40 @@ fn thrusters(plant: &Plant) -> Check {
                 "give the direction in which the thruster pushes the base, such as [1, 0]",
             ));
         }
-        match thruster.thrust_n.or(plant.base.thrust_n) {
-            Some(thrust) => non_negative(&format!("{at}/thrust_N"), thrust)?,
-            None => {
-                return Err(Fault::new(
-                    at,
-                    "nothing says how strong this thruster is",
-                    "add thrust_N to [base] for all thrusters, or to this [[thruster]]",
-                ));
-            }
-        }
+        strength(&at, plant, thruster)?;
+        non_negative(&format!("{at}/lag_s"), thruster.lag_s.unwrap_or(0.0))?;
+    }
+    Ok(())
+}
+
+/// A thruster has a thrust or a curve of thrust.
+fn strength(at: &str, plant: &Plant, thruster: &Thruster) -> Check {
+    let Some(curve) = &thruster.thrust_curve else {
+        return match thruster.thrust_n.or(plant.base.thrust_n) {
+            Some(thrust) => non_negative(&format!("{at}/thrust_N"), thrust),
+            None => Err(Fault::new(
+                at,
+                "nothing says how strong this thruster is",
+                "add thrust_N to [base] for all thrusters, or thrust_N or thrust_curve to this [[thruster]]",
+            )),
+        };
+    };
+    let place = format!("{at}/thrust_curve");
+    finite_all(&place, curve)?;
+    if thruster.thrust_n.is_some() {
+        return Err(Fault::new(
+            format!("{at}/thrust_N"),
+            "this thruster has both thrust_N and thrust_curve",
+            "remove thrust_N: the curve says the thrust at every level",
+        ));
+    }
+    let whole: f64 = curve.iter().sum();
+    if whole < 0.0 {
+        return Err(Fault::new(
+            place,
+            format!("the thrust at level 1 is {whole} N, it must not be negative"),
+            "turn force_direction around and give the curve the other sign",
+        ));
     }
     Ok(())
 }

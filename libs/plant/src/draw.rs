@@ -30,7 +30,7 @@ impl Plant {
         for i in 0..plant.thrusters.len() {
             let mut thrust = plant.thrust_n(i);
             positive(&mut thrust, u.thrust_n);
-            plant.thrusters[i].thrust_n = Some(thrust);
+            plant.set_thrust_n(i, thrust);
         }
         for link in &mut plant.links {
             positive(&mut link.length_m, u.link_length_m);

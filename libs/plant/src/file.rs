@@ -9,10 +9,9 @@ use toml::de::{DeTable, DeValue};
 use crate::check;
 use crate::effect::Effect;
 use crate::error::{Fault, PlantError};
-use crate::parts::{
-    Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty, Valves,
-};
+use crate::parts::{Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Uncertainty};
 use crate::physics::Physics;
+use crate::thruster::{Thruster, Valves};
 
 /// The plant file that is used where none is given: the paper's laboratory.
 pub const DEFAULT_PLANT: &str = include_str!("../../../deploy/etc/plants/fss.toml");
@@ -52,7 +51,7 @@ pub struct Plant {
     /// `[target]`: a passive body on the same table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<Target>,
-    /// `[[thruster]]`, in the order of the valve lines.
+    /// `[[thruster]]`, in the order of the command lines.
     #[serde(rename = "thruster", default, skip_serializing_if = "Vec::is_empty")]
     pub thrusters: Vec<Thruster>,
     /// `[[link]]`, from the base outwards.
@@ -112,12 +111,42 @@ impl Plant {
         self.links.get(joint).and_then(|link| link.servo.as_ref()).unwrap_or(&self.servo)
     }
 
-    /// Thrust of thruster `thruster`, from 0 (N): its own, or the common one.
+    /// Thrust of thruster `thruster`, from 0, at level 1 (N): that of its curve, its own, or the common one.
     pub fn thrust_n(&self, thruster: usize) -> f64 {
-        self.thrusters.get(thruster).and_then(|t| t.thrust_n).or(self.base.thrust_n).unwrap_or(0.0)
+        self.thrust_curve_n(thruster).iter().sum()
     }
 
-    /// Force and torque of an open valve on the base, in the base frame about its origin.
+    /// Thrust of thruster `thruster`, from 0, over its level u: `c1 u + c2 u^2 + c3 u^3` (N); linear where it has no curve.
+    pub fn thrust_curve_n(&self, thruster: usize) -> [f64; 3] {
+        let own = self.thrusters.get(thruster);
+        let linear = || [own.and_then(|t| t.thrust_n).or(self.base.thrust_n).unwrap_or(0.0), 0.0, 0.0];
+        own.and_then(|t| t.thrust_curve).unwrap_or_else(linear)
+    }
+
+    /// Timing of thruster `thruster`, from 0: that of the valves, or of a proportional one its lag up and down.
+    pub(crate) fn timing(&self, thruster: usize) -> Valves {
+        match self.thrusters.get(thruster).filter(|t| t.is_proportional()) {
+            Some(own) => {
+                let lag_s = own.lag_s.unwrap_or(0.0);
+                Valves { rise_s: lag_s, fall_s: lag_s, min_on_s: 0.0, ..self.valves.clone() }
+            }
+            None => self.valves.clone(),
+        }
+    }
+
+    /// Makes `thrust_n` the thrust at level 1 of thruster `thruster`, from 0. A curve keeps its shape; one that gives nothing
+    /// at level 1 stays as it is.
+    pub fn set_thrust_n(&mut self, thruster: usize, thrust_n: f64) {
+        let before_n = self.thrust_n(thruster);
+        let Some(own) = self.thrusters.get_mut(thruster) else { return };
+        match &mut own.thrust_curve {
+            None => own.thrust_n = Some(thrust_n),
+            Some(curve) if before_n != 0.0 => *curve = curve.map(|c| c * thrust_n / before_n),
+            Some(_) => {}
+        }
+    }
+
+    /// Force and torque of a thruster at level 1, an open valve, on the base, in the base frame about its origin.
     ///
     /// Returns `[fx_N, fy_N, torque_N_m]`.
     pub fn thruster_wrench(&self, thruster: usize) -> [f64; 3] {

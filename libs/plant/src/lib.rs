@@ -5,7 +5,7 @@
 //! - [`Effect`] is what a plant has beyond them; [`effects::catalogue`] lists every kind.
 //! - [`Physics`] is what really acts: the values with the effects built in.
 //! - [`Simulation`] lets it move: commands in, time forward, [`Truth`] out.
-//! - [`Rollout`] is the base alone, fast, under recorded joints and valves, for identification.
+//! - [`Rollout`] is the base alone, fast, under recorded joints and thrusters, for identification.
 //! - [`Instruments`] are the sensors: what they say about the truth.
 //!
 //! ```
@@ -44,6 +44,7 @@ mod room;
 mod servo;
 mod simulation;
 mod thrust;
+mod thruster;
 mod truth;
 mod valves;
 
@@ -56,7 +57,7 @@ pub use file::{DEFAULT_PLANT, Plant};
 pub use friction::Friction;
 pub use instruments::{Instruments, LinkSample};
 pub use kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
-pub use parts::{Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Thruster, Uncertainty, Valves};
+pub use parts::{Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Uncertainty};
 pub use physics::{
     BaseLaw, BaseMotion, BasePhysics, Grasped, JointLaw, JointPhysics, LinkPhysics, Physics, SensorPhysics, Stream,
     SupplyPhysics, ThrusterPhysics,
@@ -65,4 +66,5 @@ pub use prior::{Prior, Response, SLAB_WIDTHS};
 pub use rollout::{BaseSample, Grid, JointSample, Rollout, ValveHistory};
 pub use servo::JointCommand;
 pub use simulation::{INTERNAL_STEP_S, Simulation};
+pub use thruster::{Thruster, Valves};
 pub use truth::Truth;

@@ -52,50 +52,6 @@ fn base_size() -> [f64; 2] {
     [0.27, 0.27]
 }
 
-/// `[[thruster]]`: one valve and its nozzle, fixed to the base.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Thruster {
-    /// Where the force acts, base frame (m).
-    pub position_m: [f64; 2],
-    /// Direction of the force on the base, base frame; any length but zero.
-    pub force_direction: [f64; 2],
-    /// Thrust, where it differs from the base's `thrust_N` (N).
-    #[serde(rename = "thrust_N", default, skip_serializing_if = "Option::is_none")]
-    pub thrust_n: Option<f64>,
-}
-
-impl Thruster {
-    /// [`Thruster::force_direction`] scaled to length one.
-    pub fn unit_direction(&self) -> [f64; 2] {
-        let [x, y] = self.force_direction;
-        let length = x.hypot(y);
-        [x / length, y / length]
-    }
-}
-
-/// `[valves]`: timing that all valves share. The default is an ideal valve.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Valves {
-    /// From command to the first movement of thrust (s).
-    pub delay_s: f64,
-    /// Time constant of the rise of thrust (s).
-    pub rise_s: f64,
-    /// Time constant of the fall of thrust (s).
-    pub fall_s: f64,
-    /// A valve that has opened stays open this long (s).
-    pub min_on_s: f64,
-    /// Share of thrust lost by every open valve for each further valve that is open.
-    pub droop_fraction_per_extra_valve: f64,
-}
-
-impl Default for Valves {
-    fn default() -> Self {
-        Self { delay_s: 0.0, rise_s: 0.0, fall_s: 0.0, min_on_s: 0.0, droop_fraction_per_extra_valve: 0.0 }
-    }
-}
-
 /// `[tank]`: compressed air, isothermal, behind a pressure regulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

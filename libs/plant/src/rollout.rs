@@ -1,4 +1,4 @@
-//! The base alone, fast: joints and valves go as recorded, the base follows from the momentum.
+//! The base alone, fast: joints and thrusters go as recorded, the base follows from the momentum.
 //!
 //! Where the joints' motion is known, base and arm obey six equations: the base moves with what the momentum leaves
 //! after the arm's share (resolved momentum; Umetani and Yoshida, 1989), and only forces from outside change the
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use crate::effect::Effect;
 use crate::file::Plant;
-use crate::physics::{BaseMotion, Physics, Stream};
+use crate::physics::{BaseMotion, Physics, Stream, ThrusterPhysics};
 use crate::thrust::plume_hit;
 use crate::valves::Valve;
 
@@ -33,16 +33,17 @@ pub struct BaseSample {
     pub velocity: [f64; 3],
 }
 
-/// Valve commands of a run: each row holds until the next.
+/// Commanded levels of a run's thrusters, 0 to 1: each row holds until the next. Valves are the levels 0 and 1.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ValveHistory {
-    rows: Vec<(f64, Vec<bool>)>,
+    rows: Vec<(f64, Vec<f64>)>,
 }
 
 impl ValveHistory {
-    /// Rows of stamp (s) and commanded states, in order of time.
-    pub fn new(rows: Vec<(f64, Vec<bool>)>) -> Self {
-        Self { rows }
+    /// Rows of stamp (s) and commands, levels or the states of valves (`bool`), in order of time.
+    pub fn new<L: Copy + Into<f64>>(rows: Vec<(f64, Vec<L>)>) -> Self {
+        let levels = |row: Vec<L>| row.into_iter().map(Into::into).collect();
+        Self { rows: rows.into_iter().map(|(stamp_s, row)| (stamp_s, levels(row))).collect() }
     }
 }
 
@@ -57,10 +58,16 @@ pub struct Grid {
     pub steps: usize,
 }
 
+/// A lag leaves `exp(-60)` of a level after so many time constants: 1e-26.
+const FORGOTTEN_AFTER: f64 = 60.0;
+
+/// From when it holds (s), what acts, and the mechanism.
+type Stage = (f64, Physics, Model);
+
 /// The plant, ready for rollouts.
 #[derive(Debug, Clone)]
 pub struct Rollout {
-    stages: Vec<(f64, Physics, Model)>,
+    stages: Vec<Stage>,
 }
 
 /// Base pose and momentum: linear, and angular about the table's origin.
@@ -105,28 +112,54 @@ impl Rollout {
     }
 
     /// Mean thrust on the base in each step of the grid, base axes, about the base frame's origin
-    /// `[N, N, N m]`: what the valves make of their commands. `joints` is as in [`Rollout::run`]; plumes that hit the arm
+    /// `[N, N, N m]`: what the thrusters make of their commands. `joints` is as in [`Rollout::run`]; plumes that hit the arm
     /// push it.
-    pub fn thrust(&self, valves: &ValveHistory, grid: &Grid, joints: &[JointSample]) -> Vec<[f64; 3]> {
-        let physics = self.physics(grid.start_s);
-        let early = physics.sensors.clock_offset_s[Stream::Valves as usize];
-        let mut states = vec![Valve::new(); physics.thrusters.len()];
-        let mut rows = valves.rows.iter().peekable();
-        let mut now = f64::NEG_INFINITY;
+    ///
+    /// Lag and curve are integrated in closed form. Droop takes the other thrusters at their means, and a trend is that of
+    /// the step's middle.
+    pub fn thrust(&self, commands: &ValveHistory, grid: &Grid, joints: &[JointSample]) -> Vec<[f64; 3]> {
         let mut out = Vec::with_capacity(grid.steps);
+        self.each_step(commands, grid, |stage, valves, middle_s| {
+            let arm = joints.get(2 * out.len() + 1).or(joints.last());
+            out.push(mean_thrust(stage, valves, middle_s, arm));
+        });
+        out
+    }
+
+    /// Mean force of each thruster in each step of the grid (N), as [`Rollout::thrust`] sums them up: one row a thruster.
+    pub fn thruster_forces(&self, commands: &ValveHistory, grid: &Grid) -> Vec<Vec<f64>> {
+        let mut out = vec![Vec::with_capacity(grid.steps); self.stages[0].1.thrusters.len()];
+        self.each_step(commands, grid, |(_, physics, _), valves, middle_s| {
+            for (row, force) in out.iter_mut().zip(mean_forces(physics, valves, middle_s)) {
+                row.push(force);
+            }
+        });
+        out
+    }
+
+    /// Lets the thrusters follow their commands through the grid; `see` is told of each step the stage, the thrusters with
+    /// their means over the step, and the step's middle (s).
+    fn each_step(&self, commands: &ValveHistory, grid: &Grid, mut see: impl FnMut(&Stage, &[Valve], f64)) {
+        let early = self.physics(grid.start_s).sensors.clock_offset_s[Stream::Valves as usize];
+        let count = self.stages[0].1.thrusters.len();
+        let mut states = vec![Valve::new(); count];
+        // The first pass only brings the thrusters to the start of the grid, from the row that held when their memory begins.
+        let forgotten_s = grid.start_s - memory_s(self.physics(grid.start_s - 0.5 * grid.step_s));
+        let forgotten = commands.rows.partition_point(|(stamp, _)| stamp - early < forgotten_s);
+        let mut rows = commands.rows[forgotten.saturating_sub(1)..].iter().peekable();
+        let mut now = f64::NEG_INFINITY;
         for step in 0..=grid.steps {
-            // The first pass only brings the valves to the start of the grid.
             let to = grid.start_s + step as f64 * grid.step_s;
             let middle = to - 0.5 * grid.step_s;
-            let (_, physics, model) = &self.stages[self.stage(middle)];
-            while let Some((stamp, open)) = rows.next_if(|(stamp, _)| stamp - early < to) {
-                for (valve, thruster) in states.iter_mut().zip(&physics.thrusters) {
-                    let open = open.get(thruster.line).copied().unwrap_or(false);
-                    let acts_at = stamp - early + thruster.delay_s;
+            let stage = &self.stages[self.stage(middle)];
+            let thrusters = &stage.1.thrusters;
+            while let Some((stamp, levels)) = rows.next_if(|(stamp, _)| stamp - early < to) {
+                for (valve, thruster) in states.iter_mut().zip(thrusters) {
+                    let level = levels.get(thruster.line).copied().unwrap_or(0.0);
                     if step == 0 && now.is_finite() {
                         valve.advance(now, stamp - early, thruster);
                     }
-                    valve.command(open, acts_at);
+                    valve.command(level, stamp - early + thruster.delay_s);
                 }
                 if step == 0 {
                     now = stamp - early;
@@ -134,17 +167,15 @@ impl Rollout {
             }
             let from = if now.is_finite() { now } else { to - grid.step_s };
             if from < to {
-                for (valve, thruster) in states.iter_mut().zip(&physics.thrusters) {
+                for (valve, thruster) in states.iter_mut().zip(thrusters) {
                     valve.mean = valve.advance(from, to, thruster);
                 }
             }
             now = to;
             if step > 0 {
-                let arm = joints.get(2 * step - 1).or(joints.last());
-                out.push(mean_thrust(physics, model, &states, middle, arm));
+                see(stage, &states, middle);
             }
         }
-        out
     }
 
     /// Motion of the base from `start` through the grid, written to `out` (its first `steps + 1` samples).
@@ -218,12 +249,24 @@ impl Rollout {
     }
 }
 
-fn mean_thrust(physics: &Physics, model: &Model, valves: &[Valve], t_s: f64, arm: Option<&JointSample>) -> [f64; 3] {
+/// How long a command matters (s): what it leaves of an earlier level afterwards is far below the last digit.
+fn memory_s(physics: &Physics) -> f64 {
+    let of = |t: &ThrusterPhysics| t.delay_s + t.min_on_s + FORGOTTEN_AFTER * t.rise_s.max(t.fall_s);
+    physics.thrusters.iter().map(of).fold(0.0, f64::max)
+}
+
+/// Mean force of each thruster in a step around `t_s` (N).
+fn mean_forces(physics: &Physics, valves: &[Valve], t_s: f64) -> impl Iterator<Item = f64> {
     let trend = physics.supply.trend(t_s);
-    let open_sum: f64 = valves.iter().map(|v| v.mean).sum();
+    let level_sum: f64 = valves.iter().map(|v| v.mean[0]).sum();
+    let thrusters = valves.iter().zip(&physics.thrusters);
+    thrusters.map(move |(valve, thruster)| trend * thruster.mean_force_n(valve.mean, level_sum, &physics.supply))
+}
+
+fn mean_thrust(stage: &Stage, valves: &[Valve], t_s: f64, arm: Option<&JointSample>) -> [f64; 3] {
+    let (_, physics, model) = stage;
     let mut sum = [0.0; 3];
-    for (valve, thruster) in valves.iter().zip(&physics.thrusters) {
-        let force = trend * thruster.force_n(valve.mean, open_sum, &physics.supply);
+    for (force, thruster) in mean_forces(physics, valves, t_s).zip(&physics.thrusters) {
         let mut unit = thruster.unit_wrench();
         // In base axes the plume and the arm are where the joints say, wherever the base is.
         let hit = arm.and_then(|arm| plume_hit(thruster, model, &coordinates(&Vector3::zeros(), &arm.q_rad)));

@@ -6,13 +6,15 @@ use crate::check::MAX_LINKS;
 use crate::contact::Target;
 use crate::dynamics::{Dynamics, Load, Motion};
 use crate::file::Plant;
-use crate::physics::{Grasped, Physics, Stream};
+use crate::physics::{Grasped, Physics};
 use crate::power::{Air, Charge};
 use crate::room::Room;
 use crate::servo::{Driver, Joint, JointCommand};
 use crate::thrust;
 use crate::truth::{History, Moment, Truth};
 use crate::valves::Valve;
+
+mod commands;
 
 /// Longest step of the integration, which is also the period of the servo drivers (s).
 pub const INTERNAL_STEP_S: f64 = 1e-3;
@@ -116,41 +118,6 @@ impl Simulation {
         self.enter_stage();
     }
 
-    /// Commands all valves now, in the order of the plant's thrusters.
-    pub fn set_valves(&mut self, open: &[bool]) {
-        let now = self.t_s;
-        for (line, open) in open.iter().enumerate() {
-            self.set_valve(line, *open, now);
-        }
-    }
-
-    /// Commands valve line `line` (from 0) at `at_s`, which may lie ahead within the next step.
-    pub fn set_valve(&mut self, line: usize, open: bool, at_s: f64) {
-        let physics = &self.stages[self.stage].1.physics;
-        let early = physics.sensors.clock_offset_s[Stream::Valves as usize];
-        for (thruster, valve) in physics.thrusters.iter().zip(&mut self.valves) {
-            if thruster.line == line {
-                let acts_at = at_s.max(self.t_s) + (thruster.delay_s - early).max(0.0);
-                valve.command(open, acts_at);
-            }
-        }
-    }
-
-    /// Commands the driver of joint `joint` (from 0).
-    pub fn set_joint(&mut self, joint: usize, command: JointCommand) {
-        if let Some(own) = self.commands.get_mut(joint) {
-            *own = command;
-        }
-    }
-
-    /// Tells the driver of joint `joint` (from 0) to use no more than this torque (N m); the motor's own limit holds
-    /// beside it.
-    pub fn set_torque_limit(&mut self, joint: usize, max_torque_n_m: f64) {
-        if let Some(own) = self.torque_limit_n_m.get_mut(joint) {
-            *own = max_torque_n_m.max(0.0);
-        }
-    }
-
     /// Lets `dt_s` pass (s).
     pub fn step(&mut self, dt_s: f64) {
         let end = self.t_s + dt_s;
@@ -236,14 +203,14 @@ impl Simulation {
         }
         let to = self.t_s + dt_s;
         let share = self.air.thrust_share() * physics.supply.trend(self.t_s + 0.5 * dt_s);
-        let mut open_sum = 0.0;
+        let mut level_sum = 0.0;
         for (valve, thruster) in self.valves.iter_mut().zip(&physics.thrusters) {
             valve.mean = valve.advance(self.t_s, to, thruster);
-            open_sum += valve.mean;
+            level_sum += valve.mean[0];
         }
         let mut impulse = 0.0;
         for (valve, thruster) in self.valves.iter().zip(&physics.thrusters) {
-            let force = share * thruster.force_n(valve.mean, open_sum, &physics.supply);
+            let force = share * thruster.mean_force_n(valve.mean, level_sum, &physics.supply);
             impulse += force * dt_s;
             thrust::push(&mut load, thruster, force, dynamics, &self.motion);
         }
@@ -367,18 +334,18 @@ impl Simulation {
         self.current_a.get(joint).copied().unwrap_or(0.0)
     }
 
-    /// Opening of each thruster's valve, 0 to 1.
+    /// Level of each thruster, the opening of its valve, 0 to 1.
     pub fn openings(&self) -> impl Iterator<Item = f64> + '_ {
-        self.valves.iter().map(Valve::opening)
+        self.valves.iter().map(Valve::level)
     }
 
     /// Thrust of each thruster now (N).
     pub fn thrusts_n(&self) -> impl Iterator<Item = f64> + '_ {
         let physics = self.physics();
         let share = self.air.thrust_share() * physics.supply.trend(self.t_s);
-        let open_sum: f64 = self.openings().sum();
+        let level_sum: f64 = self.openings().sum();
         let thrusters = self.valves.iter().zip(&physics.thrusters);
-        thrusters.map(move |(valve, thruster)| share * thruster.force_n(valve.opening(), open_sum, &physics.supply))
+        thrusters.map(move |(valve, thruster)| share * thruster.force_n(valve.level(), level_sum, &physics.supply))
     }
 
     /// Gas used since the start (kg).

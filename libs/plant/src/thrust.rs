@@ -4,6 +4,7 @@ use fss_multibody::{Coordinates, Model};
 
 use crate::dynamics::{Dynamics, Load, Motion};
 use crate::physics::{SupplyPhysics, ThrusterPhysics};
+use crate::valves::powers;
 
 /// Half angle of a plume's cone (rad).
 const PLUME_HALF_ANGLE_RAD: f64 = 0.4;
@@ -19,13 +20,25 @@ impl SupplyPhysics {
 }
 
 impl ThrusterPhysics {
-    /// Force with this valve's opening where all openings add up to `open_sum` (N).
+    /// Thrust at level 1 with all others shut and a full tank (N).
+    pub fn thrust_n(&self) -> f64 {
+        self.curve_n.iter().sum()
+    }
+
+    /// Force at this level, a valve's opening, where all levels add up to `level_sum` (N).
     ///
-    /// A leak is there as far as the valve is closed.
-    pub fn force_n(&self, opening: f64, open_sum: f64, supply: &SupplyPhysics) -> f64 {
-        let others = (open_sum - opening).max(0.0);
+    /// A leak is there as far as the level is below 1.
+    pub fn force_n(&self, level: f64, level_sum: f64, supply: &SupplyPhysics) -> f64 {
+        self.mean_force_n(powers(level), level_sum, supply)
+    }
+
+    /// Mean force over a time in which the level, its square and its cube have these means (N), where all mean levels add
+    /// up to `level_sum`. Exact but for the droop, which takes the others at their means.
+    pub(crate) fn mean_force_n(&self, mean: [f64; 3], level_sum: f64, supply: &SupplyPhysics) -> f64 {
+        let others = (level_sum - mean[0]).max(0.0);
         let droop = (1.0 - supply.droop_per_extra_valve * others).max(0.0);
-        droop * self.thrust_n * opening + self.leak_n * (1.0 - opening)
+        let [c1, c2, c3] = self.curve_n.map(|c| droop * c);
+        c1 * mean[0] + c2 * mean[1] + c3 * mean[2] + self.leak_n * (1.0 - mean[0])
     }
 
     /// Force and torque on the base for one newton, base axes, about the base frame's origin (-, -, m).

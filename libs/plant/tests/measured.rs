@@ -34,26 +34,30 @@ fn table(file: PathBuf) -> Vec<Vec<f64>> {
     text.lines().skip(1).map(row).collect()
 }
 
+/// Poses after which the velocity at a window's start is first guessed.
+const EARLY: usize = 10;
+/// Poses of a window: 4 s.
 const WINDOW: usize = 400;
 
-/// RMS of the base pose's residuals over noise, in 4 s windows whose initial state is fitted; the arm stays as it is.
-fn misfit(case: &std::path::Path, run: &str, effects: &[Effect]) -> f64 {
+/// Levels of the thrusters, or states of the valves, as a run has them.
+fn commands(run: &std::path::Path) -> ValveHistory {
+    let files = ["valves.csv", "thrust_level.csv"].map(|name| run.join(name));
+    let rows = files.into_iter().filter(|file| file.exists()).flat_map(table);
+    ValveHistory::new(rows.map(|row| (row[0], row[1..].to_vec())).collect())
+}
+
+/// RMS of the base pose's residuals over noise, in windows of so many poses whose initial state is fitted; the arm stays
+/// as it is.
+fn misfit_in_windows(length: usize, case: &std::path::Path, run: &str, effects: &[Effect]) -> f64 {
     let plant = plant(case);
     let run = case.join(run);
     let poses = table(run.join("base_pose.csv"));
-    let encoders = table(run.join("joints.csv"));
-    let valves = run.join("valves.csv");
-    let mut rows = Vec::new();
-    if valves.exists() {
-        for row in table(valves) {
-            rows.push((row[0], row[1..].iter().map(|v| *v > 0.5).collect()));
-        }
-    }
-    let valves = ValveHistory::new(rows);
+    let encoders = if plant.link_count() > 0 { table(run.join("joints.csv")) } else { Vec::new() };
+    let commands = commands(&run);
     let rollout = Rollout::with(&plant, effects).unwrap();
     let noise = [plant.sensors.mocap_position_m, plant.sensors.mocap_position_m, plant.sensors.mocap_angle_rad];
     let (mut sum, mut count) = (0.0, 0);
-    for window in poses.chunks_exact(WINDOW + 1) {
+    for window in poses.chunks_exact(length + 1) {
         let start_s = window[0][0];
         let near: Vec<_> = encoders.iter().filter(|r| (r[0] - start_s - 2.0).abs() < 2.0).collect();
         let mean = |column: usize| near.iter().map(|r| r[column]).sum::<f64>() / near.len() as f64;
@@ -62,12 +66,12 @@ fn misfit(case: &std::path::Path, run: &str, effects: &[Effect]) -> f64 {
             q_rad[i] = mean(1 + i);
         }
         let arm = [JointSample { q_rad, qd_rad_s: JointVector::zeros() }];
-        let grid = Grid { start_s, step_s: 0.01, steps: WINDOW };
-        let thrust = rollout.thrust(&valves, &grid, &arm);
+        let grid = Grid { start_s, step_s: (window[length][0] - start_s) / length as f64, steps: length };
+        let thrust = rollout.thrust(&commands, &grid, &arm);
         let fly = |x: &SVector<f64, 6>| {
             let pose = [x[0], x[1], x[2]];
             let start = BaseSample { t_s: start_s, pose, velocity: [x[3], x[4], x[5]] };
-            let mut out = vec![start; WINDOW + 1];
+            let mut out = vec![start; length + 1];
             rollout.run(&start, &grid, &arm, &thrust, &mut out);
             let residual = |i: usize| {
                 let wrapped = window[i][3] - out[i].pose[2];
@@ -78,14 +82,28 @@ fn misfit(case: &std::path::Path, run: &str, effects: &[Effect]) -> f64 {
                     turn / noise[2],
                 ]
             };
-            (0..=WINDOW).flat_map(residual).collect::<Vec<f64>>()
+            (0..=length).flat_map(residual).collect::<Vec<f64>>()
         };
-        let residuals = fit(fly, SVector::from([window[0][1], window[0][2], window[0][3], 0.0, 0.0, 0.0]));
+        let (first, later) = (&window[0], &window[EARLY]);
+        let velocity = |i: usize| {
+            let way = later[i] - first[i];
+            let turns = if i == 3 { (way / std::f64::consts::TAU).round() } else { 0.0 };
+            (way - turns * std::f64::consts::TAU) / (later[0] - first[0])
+        };
+        let start = [first[1], first[2], first[3], velocity(1), velocity(2), velocity(3)];
+        let residuals = fit(fly, SVector::from(start));
         sum += residuals.iter().map(|r| r * r).sum::<f64>();
         count += residuals.len() - 6;
     }
     (sum / f64::from(u32::try_from(count).unwrap())).sqrt()
 }
+
+fn misfit(case: &std::path::Path, run: &str, effects: &[Effect]) -> f64 {
+    misfit_in_windows(WINDOW, case, run, effects)
+}
+
+/// Poses of a window of the hovercraft: 0.25 s.
+const HOVERCRAFT_WINDOW: usize = 60;
 
 /// Residuals at the least-squares fit, by Gauss-Newton with differences.
 fn fit<const N: usize>(residuals: impl Fn(&SVector<f64, N>) -> Vec<f64>, start: SVector<f64, N>) -> Vec<f64> {
@@ -134,6 +152,22 @@ fn a_hidden_weak_thruster_shows_and_the_effect_explains_it() {
     let (without, with) = (misfit(&case, "run-4-thrusters", &[]), misfit(&case, "run-4-thrusters", &[weak]));
     println!("{without:.2} times the noise without, {with:.3} with the weak thruster");
     assert!(without > 1.15 && with < 1.05);
+}
+
+#[test]
+fn a_real_hovercraft_flies_on_its_propellers_levels() {
+    let Some(case) = case("real-holohover-h1") else { return };
+    let light = effect("base_inertia", &[("inertia_kg_m2", 2.96e-4)]);
+    let late = effect("thruster_delay", &[("delay_s", 0.013)]);
+    for run in ["run-2-validation", "run-4-validation", "run-6-validation"] {
+        let misfit = |effects: &[Effect]| misfit_in_windows(HOVERCRAFT_WINDOW, &case, run, effects);
+        let unpushed = misfit(&[effect("thruster_gain", &[("scale", 0.0)])]);
+        let (nominal, with) = (misfit(&[]), misfit(&[light.clone(), late.clone()]));
+        println!(
+            "{run}: {unpushed:.1} times the noise unpushed, {nominal:.1} nominal, {with:.1} with what is known of it"
+        );
+        assert!(nominal < 0.5 * unpushed && with < 0.7 * nominal);
+    }
 }
 
 /// RMS error of both joint angles [rad] in half-second windows of the real arm from its measured state, its validation

@@ -130,6 +130,57 @@ fn impossible_values_are_refused_at_their_line() {
     }
 }
 
+/// [`SMALL`] with these lines in its `[[thruster]]` in place of the base's `thrust_N`.
+fn proportional(lines: &str) -> String {
+    replaced("thrust_N = 0.159\n", "")
+        .replace("force_direction = [-1, 0]\n", &format!("force_direction = [-1, 0]\n{lines}"))
+}
+
+#[test]
+fn a_proportional_thruster_has_a_curve_and_a_lag() {
+    let text = proportional("thrust_curve = [0.03, 1.05, -0.43]\nlag_s = 0.03\n");
+    let plant = Plant::parse(&text).unwrap();
+    let thruster = &plant.thrusters[0];
+    assert_eq!((thruster.thrust_curve, thruster.lag_s), (Some([0.03, 1.05, -0.43]), Some(0.03)));
+    assert!(thruster.is_proportional());
+    assert!((plant.thrust_n(0) - 0.65).abs() < 1e-12, "at level 1");
+    let written = plant.to_toml().unwrap();
+    assert_eq!(Plant::parse(&written).unwrap(), plant);
+    assert!(!written.contains("thrust_N"), "{written}");
+    let valve = Plant::parse(SMALL).unwrap().to_toml().unwrap();
+    assert!(!valve.contains("thrust_curve") && !valve.contains("lag_s"), "{valve}");
+    let rise = effects::candidates(&plant).into_iter().find(|e| e.id() == "thruster_rise_time").unwrap();
+    assert_eq!(rise.values(), [0.03], "its own lag");
+    // The base's thrust is that of thrusters which have none of their own.
+    let common = replaced("force_direction = [-1, 0]\n", "force_direction = [-1, 0]\nthrust_curve = [0, 1, 0]\n");
+    assert_eq!(Plant::parse(&common).unwrap().thrust_n(0), 1.0);
+}
+
+#[test]
+fn a_proportional_thruster_that_cannot_be_is_refused_at_its_line() {
+    for (lines, line, reason) in [
+        ("thrust_curve = [0.03, 1.05, -0.43]\nthrust_N = 0.2\n", 9, "both thrust_N and thrust_curve"),
+        ("thrust_curve = [0.03, nan, 0.0]\n", 8, "not a number"),
+        ("thrust_curve = [0.03, 1.05]\n", 8, "length"),
+        ("thrust_curve = [0.1, 0.0, -0.2]\n", 8, "must not be negative"),
+        ("thrust_curve = [0.1, 0.0, 0.0]\nlag_s = -0.01\n", 9, "must not be negative"),
+        ("thrust_N = 0.1\nlag_s = inf\n", 9, "not a number"),
+        ("lag_s = 0.1\n", 5, "how strong"),
+    ] {
+        let (_, number, message) = refusal(&proportional(lines));
+        assert_eq!(number, line, "{message}");
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+#[test]
+fn a_curve_that_gets_another_strength_keeps_its_shape() {
+    let mut plant = Plant::parse(&proportional("thrust_curve = [0.25, 1.0, -0.25]\n")).unwrap();
+    plant.set_thrust_n(0, 0.5);
+    assert_eq!(plant.thrusters[0].thrust_curve, Some([0.125, 0.5, -0.125]));
+    assert_eq!(plant.thrusters[0].thrust_n, None);
+}
+
 #[test]
 fn a_clamped_base_needs_links_to_move() {
     let (_, line, message) = refusal("[base]\nclamped = true\n");

@@ -151,7 +151,7 @@ pub fn wrenches(physics: &Physics) -> Vec<Wrench> {
     for thruster in &physics.thrusters {
         let ([x, y], (sin, cos)) = (thruster.position_m, thruster.direction_rad.sin_cos());
         if let Some(wrench) = wrenches.get_mut(thruster.line) {
-            *wrench = [cos, sin, x * sin - y * cos].map(|share| share * thruster.thrust_n);
+            *wrench = [cos, sin, x * sin - y * cos].map(|share| share * thruster.thrust_n());
         }
     }
     wrenches

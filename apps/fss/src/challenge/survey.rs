@@ -135,7 +135,7 @@ fn moved(plant: &Plant) -> Vec<Plant> {
     with(u.joint1_xy_m, &|p| p.base.joint1_xy_m[1] += u.joint1_xy_m);
     with(u.joint1_angle_rad, &|p| p.base.joint1_angle_rad += u.joint1_angle_rad);
     for i in 0..plant.thrusters.len() {
-        with(u.thrust_n, &|p| p.thrusters[i].thrust_n = Some(plant.thrust_n(i) + u.thrust_n));
+        with(u.thrust_n, &|p| p.set_thrust_n(i, plant.thrust_n(i) + u.thrust_n));
     }
     for i in 0..plant.links.len() {
         with(u.link_length_m, &|p| p.links[i].length_m += u.link_length_m);

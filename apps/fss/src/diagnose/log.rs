@@ -151,7 +151,7 @@ impl Record {
             joints,
             joint_command,
             commands,
-            valves: self.openings(),
+            thrust_levels: self.thrust_levels(),
             postures: self.postures(),
         })
     }
@@ -261,6 +261,12 @@ impl Record {
             }
         }
         rows
+    }
+
+    /// The same as levels.
+    fn thrust_levels(&self) -> Vec<(f64, Vec<f64>)> {
+        let levels = |open: Vec<bool>| open.into_iter().map(f64::from).collect();
+        self.openings().into_iter().map(|(t_s, open)| (t_s, levels(open))).collect()
     }
 
     /// What was commanded, and from where.

@@ -39,12 +39,18 @@ fn check(experiment: &Experiment, plant: &Plant) -> Result<()> {
             plant.link_count()
         ));
     }
-    let valves = experiment.valves.as_ref().map_or(0, |t| t.numbered("v", "").len());
-    if valves > plant.thrusters.len() {
-        return Err(miette!(
-            "{folder}/valves.csv has {valves} valves, but the plant file has {} [[thruster]] tables",
-            plant.thrusters.len()
-        ));
+    let commanded = [
+        ("valves.csv", &experiment.valves, "v", "valves"),
+        ("thrust_level.csv", &experiment.thrust_level, "u", "levels"),
+    ];
+    for (file, table, prefix, what) in commanded {
+        let count = table.as_ref().map_or(0, |t| t.numbered(prefix, "").len());
+        if count > plant.thrusters.len() {
+            return Err(miette!(
+                "{folder}/{file} has {count} {what}, but the plant file has {} [[thruster]] tables",
+                plant.thrusters.len()
+            ));
+        }
     }
     Ok(())
 }
@@ -62,7 +68,7 @@ fn run(e: &Experiment) -> Run {
             .as_ref()
             .map(|t| Many { t_s: t.t_s.clone(), values: owned(&t.numbered("q", "_rad")) }),
         commands: None,
-        valves: e.valves.as_ref().map_or_else(Vec::new, valves),
+        thrust_levels: thrust_levels(e),
         drive: match e.joint_mode {
             JointMode::Position | JointMode::Velocity => Drive::Servo,
             JointMode::Current => Drive::Current,
@@ -96,7 +102,16 @@ fn owned(columns: &[&[f64]]) -> Vec<Vec<f64>> {
     columns.iter().map(|column| column.to_vec()).collect()
 }
 
-fn valves(table: &Table) -> Vec<(f64, Vec<bool>)> {
-    let columns = table.numbered("v", "");
-    table.t_s.iter().enumerate().map(|(k, &t_s)| (t_s, columns.iter().map(|c| c[k] > 0.5).collect())).collect()
+/// Levels as they were commanded; of valves 0 and 1.
+fn thrust_levels(e: &Experiment) -> Vec<(f64, Vec<f64>)> {
+    let rows = |table: &Table, prefix: &str, level: fn(f64) -> f64| {
+        let columns = table.numbered(prefix, "");
+        let row = |k: usize| columns.iter().map(|column| level(column[k])).collect();
+        table.t_s.iter().enumerate().map(|(k, &t_s)| (t_s, row(k))).collect()
+    };
+    match (&e.thrust_level, &e.valves) {
+        (Some(levels), _) => rows(levels, "u", |level| level),
+        (None, Some(valves)) => rows(valves, "v", |state| f64::from(state > 0.5)),
+        (None, None) => Vec::new(),
+    }
 }

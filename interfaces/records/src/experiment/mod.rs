@@ -33,7 +33,7 @@ pub enum ExperimentError {
         /// What is wrong and what to do.
         reason: String,
     },
-    /// `run.toml` is malformed.
+    /// `run.toml` is malformed, or a file must not be there.
     #[error("{path}: {reason}", path = path.display())]
     Description {
         /// The file.
@@ -91,6 +91,8 @@ pub struct Experiment {
     pub joint_command: Option<Table>,
     /// `v1..`, 1 is open, held until the next row.
     pub valves: Option<Table>,
+    /// `u1..`, levels of proportional thrusters, 0 to 1, held until the next row; in place of [`Experiment::valves`].
+    pub thrust_level: Option<Table>,
 }
 
 impl Experiment {
@@ -127,6 +129,13 @@ impl Experiment {
                 })
             })
         };
+        let (valves, thrust_level) = (table("valves.csv")?, thrust_level(folder)?);
+        if valves.is_some() && thrust_level.is_some() {
+            let reason = "valves.csv is there too, and both say what the thrusters were told; remove valves.csv where \
+                          thrusters are proportional, else this file"
+                .to_owned();
+            return Err(ExperimentError::Description { path: folder.join(THRUST_LEVEL), reason });
+        }
         Ok(Self {
             folder: folder.to_owned(),
             name: description.name,
@@ -137,7 +146,30 @@ impl Experiment {
             gyro: table("gyro.csv")?,
             joints: angles("joints.csv")?,
             joint_command: angles("joint_command.csv")?,
-            valves: table("valves.csv")?,
+            valves,
+            thrust_level,
         })
     }
 }
+
+/// The file of commanded levels.
+const THRUST_LEVEL: &str = "thrust_level.csv";
+
+/// Levels of all thrusters: `u1`, `u2` and so on without a gap, nothing else, each between 0 and 1.
+fn thrust_level(folder: &Path) -> Result<Option<Table>, ExperimentError> {
+    let path = folder.join(THRUST_LEVEL);
+    let outside = |column: &str, value: f64| {
+        (column != "t_s" && !(0.0..=1.0).contains(&value))
+            .then(|| format!("{value} is no level; a level is a fraction between 0 and 1, not a percentage"))
+    };
+    let Some(table) = Table::read_within(&path, &outside)? else { return Ok(None) };
+    let levels = table.numbered("u", "").len();
+    if levels == 0 || levels < table.width() {
+        let reason = "the columns are t_s, u1, u2 and so on, one for each thruster, and this one is missing".to_owned();
+        return Err(ExperimentError::Cell { path, row: 1, column: format!("u{}", levels + 1), reason });
+    }
+    Ok(Some(table))
+}
+
+#[cfg(test)]
+mod tests;

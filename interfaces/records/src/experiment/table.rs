@@ -4,6 +4,9 @@ use super::ExperimentError;
 use std::f64::consts::TAU;
 use std::path::Path;
 
+/// Why a value must not stand in a column, if it must not.
+type Refused<'a> = &'a dyn Fn(&str, f64) -> Option<String>;
+
 /// A file's columns over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
@@ -19,8 +22,13 @@ impl Table {
     /// # Errors
     /// Names the row and the column that cannot be read.
     pub fn read(path: &Path) -> Result<Option<Self>, ExperimentError> {
+        Self::read_within(path, &|_, _| None)
+    }
+
+    /// The same where `refused` tells, from a column's name and a value, why the value must not stand there.
+    pub(super) fn read_within(path: &Path, refused: Refused) -> Result<Option<Self>, ExperimentError> {
         match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(path, &text).map(Some),
+            Ok(text) => Self::parse_within(path, &text, refused).map(Some),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
             Err(source) => Err(ExperimentError::File { path: path.to_owned(), source }),
         }
@@ -31,6 +39,10 @@ impl Table {
     /// # Errors
     /// Names the row and the column that cannot be read.
     pub fn parse(path: &Path, text: &str) -> Result<Self, ExperimentError> {
+        Self::parse_within(path, text, &|_, _| None)
+    }
+
+    fn parse_within(path: &Path, text: &str, refused: Refused) -> Result<Self, ExperimentError> {
         let refuse = |row: usize, column: &str, reason: &str| ExperimentError::Cell {
             path: path.to_owned(),
             row,
@@ -62,6 +74,9 @@ impl Table {
                         &format!("'{cell}' is not finite; leave out rows that were not measured"),
                     ));
                 }
+                if let Some(reason) = refused(name, value) {
+                    return Err(refuse(row, name, &reason));
+                }
                 column.push(value);
             }
             if cells.next().is_some() {
@@ -84,6 +99,11 @@ impl Table {
     /// The columns `prefix1suffix`, `prefix2suffix` and so on, as many as there are without a gap.
     pub fn numbered(&self, prefix: &str, suffix: &str) -> Vec<&[f64]> {
         (1..).map_while(|i| self.column(&format!("{prefix}{i}{suffix}"))).collect()
+    }
+
+    /// How many columns there are beside the times.
+    pub fn width(&self) -> usize {
+        self.columns.len()
     }
 
     /// How many rows there are.

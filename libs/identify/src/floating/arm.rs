@@ -166,7 +166,7 @@ fn pushes(rollout: &Rollout, run: &Run, grid_s: &[f64], motion: &ArmMotion) -> V
     let [first, second, ..] = grid_s else { return vec![Vector3::zeros(); grid_s.len()] };
     let step_s = 2.0 * (second - first);
     let grid = Grid { start_s: *first, step_s, steps: grid_s.len() / 2 };
-    let thrust = rollout.thrust(&ValveHistory::new(run.valves.clone()), &grid, &motion.samples);
+    let thrust = rollout.thrust(&ValveHistory::new(run.thrust_levels.clone()), &grid, &motion.samples);
     (0..grid_s.len()).map(|half| thrust.get(half / 2).map_or_else(Vector3::zeros, |push| (*push).into())).collect()
 }
 

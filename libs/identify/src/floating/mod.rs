@@ -50,7 +50,7 @@ impl Floating {
         let channels = layout::channels(trial.plant.link_count());
         let windows = layout::windows(&trial.plant, run, window_s, start_s);
         let spans = windows.iter().map(|w| w.span(&trial.plant, &rollout, run, &motion, start_s)).collect();
-        let valves = ValveHistory::new(run.valves.clone());
+        let valves = ValveHistory::new(run.thrust_levels.clone());
         let (run, arm_effects) = (run.clone(), arm_effects(&trial.effects));
         Ok(Some(Self { run, valves, arm, motion, arm_effects, start_s, channels, windows, spans }))
     }
@@ -86,7 +86,7 @@ impl Record for Floating {
     fn feels(&self, effect: &Effect) -> bool {
         let line = effect.index().filter(|_| effect.about().place == Place::Thruster && effect.id() != "thruster_leak");
         let other = if effect.id() == "valve_swap" { effect.get("other_index").map(|v| v as usize) } else { None };
-        let opens = |i: usize| self.run.valves.iter().any(|(_, open)| open.get(i - 1).copied().unwrap_or(false));
+        let opens = |i: usize| self.run.fires(i);
         match (line, other) {
             (None, _) => true,
             (Some(a), Some(b)) => opens(a) || opens(b),

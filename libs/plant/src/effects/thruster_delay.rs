@@ -10,7 +10,7 @@ pub(super) struct ThrusterDelay;
 
 const ABOUT: About = About {
     id: "thruster_delay",
-    sentence: "A valve opens and closes later than commanded.",
+    sentence: "A thruster follows its commands late: a valve opens and closes later than commanded.",
     place: Place::Thruster,
     index: Index::Thruster,
     parameters: &[Parameter::new("delay_s", "s", "command to first movement").within(0.0, 2.0).scale(0.02).of_plant()],

@@ -31,7 +31,7 @@ impl EffectKind for ThrusterGain {
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
         for i in effect.targets(physics.thrusters.len()) {
-            physics.thrusters[i].thrust_n *= effect.first();
+            physics.thrusters[i].curve_n = physics.thrusters[i].curve_n.map(|c| c * effect.first());
         }
     }
 }

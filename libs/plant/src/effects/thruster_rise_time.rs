@@ -10,10 +10,13 @@ pub(super) struct ThrusterRiseTime;
 
 const ABOUT: About = About {
     id: "thruster_rise_time",
-    sentence: "A valve opens slowly: thrust rises with a time constant.",
+    sentence: "A valve opens slowly: thrust rises with a time constant. Of a proportional thruster, its lag.",
     place: Place::Thruster,
     index: Index::Thruster,
-    parameters: &[Parameter::new("time_s", "s", "time constant of opening").within(0.0, 2.0).scale(0.02).of_plant()],
+    parameters: &[Parameter::new("time_s", "s", "time constant of opening, or the lag")
+        .within(0.0, 2.0)
+        .scale(0.02)
+        .of_plant()],
 };
 
 impl EffectKind for ThrusterRiseTime {
@@ -22,8 +25,7 @@ impl EffectKind for ThrusterRiseTime {
     }
 
     fn nominal(&self, plant: &Plant, index: Option<usize>) -> [f64; MAX_PARAMETERS] {
-        let _ = index;
-        alone(plant.valves.rise_s)
+        alone(plant.timing(index.unwrap_or(0)).rise_s)
     }
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
@@ -33,7 +35,11 @@ impl EffectKind for ThrusterRiseTime {
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
         for i in effect.targets(physics.thrusters.len()) {
-            physics.thrusters[i].rise_s = effect.first();
+            let thruster = &mut physics.thrusters[i];
+            thruster.rise_s = effect.first();
+            if thruster.is_proportional {
+                thruster.fall_s = effect.first();
+            }
         }
     }
 }

@@ -70,21 +70,23 @@ pub struct JointPhysics {
 /// A thruster as it really is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrusterPhysics {
-    /// Command line, from 0, that opens this valve.
+    /// Command line, from 0, that this thruster follows.
     pub line: usize,
+    /// Whether it follows levels between 0 and 1 with one lag up and down; else it is a valve.
+    pub is_proportional: bool,
     /// Where the force acts, base frame (m).
     pub position_m: [f64; 2],
     /// Direction of the force in the base frame (rad).
     pub direction_rad: f64,
-    /// Thrust with one valve open and a full tank (N).
-    pub thrust_n: f64,
-    /// Thrust while closed (N).
+    /// Thrust at level u with all others shut and a full tank: `c1 u + c2 u^2 + c3 u^3` (N). Of a valve it is linear.
+    pub curve_n: [f64; 3],
+    /// Thrust while closed, at level 0 (N).
     pub leak_n: f64,
     /// Command to first movement (s).
     pub delay_s: f64,
-    /// Time constant of opening (s).
+    /// Time constant of opening (s); of a proportional thruster its lag.
     pub rise_s: f64,
-    /// Time constant of closing (s).
+    /// Time constant of closing (s); of a proportional thruster its lag.
     pub fall_s: f64,
     /// Shortest opening (s).
     pub min_on_s: f64,
@@ -172,16 +174,18 @@ impl ThrusterPhysics {
     pub(super) fn of(plant: &Plant, line: usize) -> Self {
         let thruster = &plant.thrusters[line];
         let [x, y] = thruster.force_direction;
+        let valves = plant.timing(line);
         Self {
             line,
+            is_proportional: thruster.is_proportional(),
             position_m: thruster.position_m,
             direction_rad: y.atan2(x),
-            thrust_n: plant.thrust_n(line),
+            curve_n: plant.thrust_curve_n(line),
             leak_n: 0.0,
-            delay_s: plant.valves.delay_s,
-            rise_s: plant.valves.rise_s,
-            fall_s: plant.valves.fall_s,
-            min_on_s: plant.valves.min_on_s,
+            delay_s: valves.delay_s,
+            rise_s: valves.rise_s,
+            fall_s: valves.fall_s,
+            min_on_s: valves.min_on_s,
             plume_fraction: 0.0,
         }
     }

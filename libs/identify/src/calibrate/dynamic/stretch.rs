@@ -4,7 +4,7 @@ use super::noise::{Mixing, Noise};
 use super::torque::{Window, windows};
 use crate::calibrate::drift::{Interval, Whitener};
 use crate::calibrate::motion::{Tracks, pose_at, seen_from, wrapped};
-use crate::measured::{Poses, Run};
+use crate::measured::{Poses, Run, pushes};
 use fss_multibody::{Coordinates, JointVector, Model, State};
 use nalgebra::{Matrix3, Vector3};
 
@@ -79,13 +79,11 @@ fn of_run(run: &Run, links: usize, delay_s: f64) -> Vec<Stretch> {
     pieces.iter().filter(|piece| long(piece)).filter_map(|piece| Stretch::new(run, &tracks, piece, delay_s)).collect()
 }
 
-/// Whether a valve is open at any time from `start` to `end`.
+/// Whether a thruster is commanded to push at any time from `start` to `end`.
 fn thrust_between(run: &Run, start_s: f64, end_s: f64) -> bool {
-    let until = |k: usize| run.valves.get(k + 1).map_or(f64::INFINITY, |(t, _)| *t) + AFTER_VALVE_S;
-    run.valves
-        .iter()
-        .enumerate()
-        .any(|(k, (t, open))| open.contains(&true) && *t < end_s && until(k) > start_s.max(run.valves[0].0))
+    let rows = &run.thrust_levels;
+    let until = |k: usize| rows.get(k + 1).map_or(f64::INFINITY, |(t, _)| *t) + AFTER_VALVE_S;
+    rows.iter().enumerate().any(|(k, (t, levels))| pushes(levels) && *t < end_s && until(k) > start_s.max(rows[0].0))
 }
 
 impl Stretch {
