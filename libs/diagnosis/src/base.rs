@@ -57,7 +57,7 @@ impl BaseBlock {
         let grid = TimeGrid::over(first, last, cell_s(&samples));
         let pose = PosePath::smoothed(&samples.block_times(), &samples.block_poses(), samples.block_sd(), grid);
         let encoders = EncoderPath::smoothed(run, &plant.sensors, plant.link_count(), grid);
-        let valves = ValveHistory::new(run.valves.clone());
+        let valves = ValveHistory::new(run.thrust_levels.clone());
         let predictor = Predictor::new(pose, encoders, valves);
         let noise = NoiseModel::new(plant, run, &samples, &predictor)?;
         Ok(Some(Self { samples, predictor, noise }))

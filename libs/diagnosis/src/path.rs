@@ -101,6 +101,9 @@ pub(crate) struct EncoderPath {
     pub(crate) grid: TimeGrid,
     pub(crate) angle: Vec<JointVector>,
     pub(crate) rate: Vec<JointVector>,
+    /// Standard deviations of both, as the smoother gives them.
+    pub(crate) angle_sd: Vec<JointVector>,
+    pub(crate) rate_sd: Vec<JointVector>,
 }
 
 impl EncoderPath {
@@ -108,15 +111,20 @@ impl EncoderPath {
     pub(crate) fn smoothed(run: &Run, sensors: &Sensors, joints: usize, grid: TimeGrid) -> Self {
         let edges = grid.edges_s();
         let zeros = vec![JointVector::zeros(); edges.len()];
-        let mut path = Self { grid, angle: zeros.clone(), rate: zeros };
+        let mut path =
+            Self { grid, angle: zeros.clone(), rate: zeros.clone(), angle_sd: zeros.clone(), rate_sd: zeros };
         for joint in 0..joints.min(MAX_LINKS) {
-            let command = |t: f64| run.joint_command.as_ref().and_then(|c| command_at(c, joint, t)).unwrap_or([0.0; 2]);
+            let told = |t: f64| run.joint_command.as_ref().and_then(|c| command_at(c, joint, t)).unwrap_or([0.0; 2]);
+            let lag_s = servo_lag_s(run, joint, &told);
+            let command = |t: f64| told(t - lag_s);
             let reports = reports(run, joint, &command);
             let deviation = smooth(&reports, noise(sensors), &edges);
             for (k, t) in edges.iter().enumerate() {
                 let [angle, rate] = command(*t);
                 path.angle[k][joint] = angle + deviation[k].angle;
                 path.rate[k][joint] = rate + deviation[k].rate;
+                path.angle_sd[k][joint] = deviation[k].angle_variance.sqrt();
+                path.rate_sd[k][joint] = deviation[k].rate_variance.sqrt();
             }
         }
         path
@@ -165,6 +173,34 @@ fn reports(run: &Run, joint: usize, command: &dyn Fn(f64) -> [f64; 2]) -> Vec<Me
         }
     });
     rows.filter(|m| m.angle.is_some() || m.rate.is_some()).collect()
+}
+
+/// Longest lag of a servo behind its command (s).
+const LONGEST_LAG_S: f64 = 0.5;
+
+/// The constant lag at which a joint follows its command best: least squares of the reported angles, by Gauss-Newton steps.
+fn servo_lag_s(run: &Run, joint: usize, command: &dyn Fn(f64) -> [f64; 2]) -> f64 {
+    let Some(joints) = &run.joints else { return 0.0 };
+    let Some(angles) = joints.q_rad.get(joint) else { return 0.0 };
+    let mut lag_s: f64 = 0.0;
+    for _ in 0..3 {
+        let rows = joints.t_s.iter().zip(angles).filter(|(_, q)| q.is_finite());
+        // An angle that is off by a constant is no lag: both are fitted.
+        let (mut n, mut sums) = (0.0, [0.0; 4]);
+        for (t, q) in rows {
+            let [angle, rate] = command(t - lag_s);
+            let behind = angle - q;
+            n += 1.0;
+            [rate, behind, rate * rate, rate * behind].iter().zip(&mut sums).for_each(|(v, s)| *s += v);
+        }
+        let [rate, behind, square, product] = sums;
+        let spread = square - rate * rate / n;
+        if n < 4.0 || spread <= 1e-9 {
+            return 0.0;
+        }
+        lag_s = (lag_s + (product - rate * behind / n) / spread).clamp(-LONGEST_LAG_S, LONGEST_LAG_S);
+    }
+    lag_s
 }
 
 /// A commanded angle and its rate: cubic between rows, whose rates are those of a parabola through their neighbours.

@@ -27,6 +27,9 @@ const OF_A_KIND: usize = 8;
 /// Actions whose cosine is beyond this are one and the same; columns below the other cannot be.
 const IDENTICAL: f64 = 0.999;
 const ALIKE: f64 = 0.9;
+/// Variations from run to run that sets are compared at; below the least the prior is flat.
+const VARIATIONS: [f64; 5] = [1e-4, 0.03, 0.1, 0.3, 1.0];
+const LEAST_VARIATION: f64 = 0.03;
 /// Rounds of search, optimization and linearization at the most.
 const ROUNDS: usize = 14;
 /// Steps of estimation about one set at the most.
@@ -91,7 +94,10 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     let mut linearized = problem.linearized(&[], Slope::Secant, &|_| true, None)?;
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
-    let start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
+    let mut start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
+    if let Some(variation) = start.last_mut() {
+        *variation = VARIATIONS[0];
+    }
     let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0);
     let mut hyper = null_hyper.clone();
     let mut model: Vec<Present> = Vec::new();
@@ -241,11 +247,13 @@ impl<'a> Search<'a> {
     }
 
     fn log_prior_of(&self, hyper: &[f64]) -> f64 {
-        let density = |(h, value): (&crate::block::HyperParameter, &f64)| {
+        let last = hyper.len() - 1;
+        let density = |(i, (h, value)): (usize, (&crate::block::HyperParameter, &f64))| {
+            let value = if i == last { value.max(LEAST_VARIATION) } else { *value };
             let z = (value / h.median).ln() / h.log_sd;
             -0.5 * z * z
         };
-        self.problem.hyper.iter().zip(hyper).map(density).sum()
+        self.problem.hyper.iter().zip(hyper).enumerate().map(density).sum()
     }
 
     pub(crate) fn point(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<HyperPoint> {
@@ -278,7 +286,11 @@ impl<'a> Search<'a> {
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
         };
         let logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
-        let steps: Vec<f64> = self.problem.hyper.iter().map(|h| width * h.log_sd.min(1.5)).collect();
+        let mut steps: Vec<f64> = self.problem.hyper.iter().map(|h| width * h.log_sd.min(1.5)).collect();
+        // How much causes vary from run to run is judged with all of them, on the grid.
+        if let Some(variation) = steps.last_mut() {
+            *variation = 0.0;
+        }
         let (best, _) = maximize(&logs, &steps, 0.08, 250, value);
         bounded(&best)
     }
@@ -303,7 +315,7 @@ impl<'a> Search<'a> {
         let quiet: Vec<f64> = null
             .iter()
             .zip(&self.problem.hyper)
-            .map(|(v, h)| if h.strength_of.is_some() { *v } else { h.median })
+            .map(|(v, h)| if h.strength_of.is_some() || *v == null[null.len() - 1] { *v } else { h.median })
             .collect();
         for (i, a) in LADDER.iter().enumerate() {
             for (j, b) in LADDER.iter().enumerate() {
@@ -316,6 +328,13 @@ impl<'a> Search<'a> {
             for b in [0.7, 1.0, 1.4] {
                 grid.push(self.scaled(present, a, b));
             }
+        }
+        for variation in VARIATIONS {
+            let mut varied = present.to_vec();
+            if let Some(last) = varied.last_mut() {
+                *last = variation;
+            }
+            grid.push(varied);
         }
         grid.dedup();
         grid.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters)).collect()

@@ -12,17 +12,42 @@ pub(crate) struct Uncertain {
     /// Standard deviation, SI units.
     pub(crate) sd: f64,
     index: usize,
-    value: fn(&mut Plant, usize) -> &mut f64,
+    value: Value,
+}
+
+/// Where in a plant a value stands.
+#[derive(Clone, Copy, Debug)]
+enum Value {
+    /// In one field.
+    Field(fn(&mut Plant, usize) -> &mut f64),
+    /// A thruster's thrust at level 1, by which a curve is scaled.
+    Thrust,
+}
+
+impl Value {
+    fn of(self, plant: &Plant, index: usize) -> f64 {
+        match self {
+            Self::Field(field) => *field(&mut plant.clone(), index),
+            Self::Thrust => plant.thrust_n(index),
+        }
+    }
+
+    fn set(self, plant: &mut Plant, index: usize, value: f64) {
+        match self {
+            Self::Field(field) => *field(plant, index) = value,
+            Self::Thrust => plant.set_thrust_n(index, value),
+        }
+    }
 }
 
 impl Uncertain {
     /// The plant with this value moved by `by` standard deviations.
     pub(crate) fn moved(&self, plant: &Plant, by: f64) -> Plant {
-        let mut plant = plant.clone();
-        let value = (self.value)(&mut plant, self.index);
+        let value = self.value.of(plant, self.index);
         // A mass or a friction cannot become negative, however unsure the laboratory is of it.
-        let floor = if *value > 0.0 && self.is_positive() { 0.05 * *value } else { f64::NEG_INFINITY };
-        *value = (*value + by * self.sd).max(floor);
+        let floor = if value > 0.0 && self.is_positive() { 0.05 * value } else { f64::NEG_INFINITY };
+        let mut plant = plant.clone();
+        self.value.set(&mut plant, self.index, (value + by * self.sd).max(floor));
         plant
     }
 
@@ -37,7 +62,7 @@ pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     let mut all = Vec::new();
     let mut add = |name: String, sd: f64, index: usize, value: fn(&mut Plant, usize) -> &mut f64| {
         if sd > 0.0 {
-            all.push(Uncertain { name, sd, index, value });
+            all.push(Uncertain { name, sd, index, value: Value::Field(value) });
         }
     };
     if !plant.base.clamped {
@@ -52,11 +77,10 @@ pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     for i in 0..plant.links.len() {
         links(u, i, &mut add);
     }
-    for i in 0..plant.thrusters.len() {
-        add(format!("thruster {} thrust_N", i + 1), u.thrust_n, i, |p, i| {
-            let common = p.base.thrust_n.unwrap_or(0.0);
-            p.thrusters[i].thrust_n.get_or_insert(common)
-        });
+    if u.thrust_n > 0.0 {
+        let name = |i: usize| format!("thruster {} thrust_N", i + 1);
+        let thrust = |i: usize| Uncertain { name: name(i), sd: u.thrust_n, index: i, value: Value::Thrust };
+        all.extend((0..plant.thrusters.len()).map(thrust));
     }
     all
 }

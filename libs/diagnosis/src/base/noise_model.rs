@@ -1,12 +1,12 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
-use super::prediction::Predictor;
+use super::prediction::{Predictor, joints_only};
 use super::samples::Samples;
 use crate::block::{HyperParameter, Strength};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Measurement, StateSpace, Step};
 use fss_identify::measured::Run;
-use fss_multibody::ModelError;
+use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
 use fss_plant::{Physics, Plant};
 
 /// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
@@ -15,6 +15,8 @@ const BODY: usize = 9;
 const ARM: usize = 3;
 /// Variances of what is not known at the start: place (m^2) or heading (rad^2), speed (m^2/s^2), rate (rad^2/s^2).
 const START: [f64; 3] = [1e2, 1.0, 10.0];
+/// Interval of telemetry that is assumed where none came (s).
+const SLOW_TELEMETRY_S: f64 = 0.2;
 /// Correlation times of a disturbance that make sense: shorter is white, longer is steady (s).
 const CORRELATION_S: [f64; 2] = [0.1, 10.0];
 
@@ -25,8 +27,9 @@ pub(super) struct NoiseModel {
     moments: Vec<(f64, [f64; 2], f64)>,
     /// Rows of each block: the standard deviation of each (x, y, heading, and the gyro's).
     rows: Vec<Vec<f64>>,
-    /// Of the arm: telemetry's interval (s), angular momentum and shift of the centre of mass for one rad/s of rate error.
-    arm: Option<[f64; 3]>,
+    /// Of the arm: correlation time of the errors of its path (s), and for each block the standard deviations that they give to
+    /// its angular momentum (kg m^2/s) and to its centre of mass (m).
+    arm: Option<(f64, Vec<[f64; 2]>)>,
     gyro_walk: f64,
 }
 
@@ -49,12 +52,13 @@ impl NoiseModel {
                 row.push(*sd);
             }
         }
-        let arm = (plant.link_count() > 0).then(|| arm_errors(plant, run, carriage.mass_kg));
+        let times = samples.block_times();
+        let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
             hyper_parameters: hyper_parameters(plant),
             mass_kg: carriage.mass_kg,
-            moments: samples.block_times().into_iter().map(moment).collect(),
+            moments: times.into_iter().map(moment).collect(),
             rows,
             arm,
             gyro_walk: walk * walk,
@@ -92,8 +96,9 @@ impl NoiseModel {
         let mut space =
             StateSpace { states: n, initial: self.initial(&h), steps: Vec::new(), measurements: Vec::new() };
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
+            let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
             let step = block.checked_sub(1).map(|before| {
-                space.steps.push(self.step(&h, &self.moments[before], moment));
+                space.steps.push(self.step(&h, before));
                 before
             });
             for (channel, sd) in sds.iter().enumerate() {
@@ -104,8 +109,8 @@ impl NoiseModel {
                     _ => vec![(5, 1.0 / moment.2)],
                 };
                 match channel {
-                    0 | 1 if self.arm.is_some() => states.push((10 + channel, 1.0)),
-                    3 if self.arm.is_some() => states.push((9, -1.0 / moment.2)),
+                    0 | 1 if self.arm.is_some() => states.push((10 + channel, shift_sd)),
+                    3 if self.arm.is_some() => states.push((9, -momentum_sd / moment.2)),
                     _ => {}
                 }
                 if channel == 3 && self.gyro_walk > 0.0 {
@@ -122,18 +127,24 @@ impl NoiseModel {
     fn initial(&self, h: &Hyper) -> Vec<f64> {
         let n = self.states();
         let inertia = self.moments.first().map_or(1.0, |m| m.2);
-        let [_, momentum, shift] = self.arm.unwrap_or([1.0, 0.0, 0.0]);
         let [place, speed, rate] = START;
-        let arm = [(h.arm_rate * momentum).powi(2), (h.arm_rate * shift).powi(2), (h.arm_rate * shift).powi(2)];
         let force = h.force.powi(2);
         let body = [place, speed, place, speed, place, rate * inertia * inertia, force, force, h.torque.powi(2)];
         let mut initial = vec![0.0; n * n];
-        let arm = arm.into_iter().filter(|_| self.arm.is_some());
+        let arm = [1.0; ARM].into_iter().filter(|_| self.arm.is_some());
         body.into_iter().chain(arm).enumerate().for_each(|(i, variance)| initial[i * n + i] = variance);
         initial
     }
 
-    fn step(&self, h: &Hyper, from: &(f64, [f64; 2], f64), to: &(f64, [f64; 2], f64)) -> Step {
+    /// What the errors of the arm's path give to its angular momentum and to its centre of mass at a block.
+    fn arm_sd(&self, h: &Hyper, block: usize) -> [f64; 2] {
+        let of = self.arm.as_ref().and_then(|(_, sds)| sds.get(block));
+        of.map_or([0.0; 2], |sds| sds.map(|sd| h.arm * sd))
+    }
+
+    /// From a block to the next.
+    fn step(&self, h: &Hyper, block: usize) -> Step {
+        let (from, to) = (&self.moments[block], &self.moments[block + 1]);
         let n = self.states();
         let dt = to.0 - from.0;
         let mean = |a: f64, b: f64| 0.5 * (a + b);
@@ -173,25 +184,26 @@ impl NoiseModel {
                 (0..6).for_each(|j| step.noise[i * n + j] += variance * onto[i] * onto[j]);
             }
         }
-        self.add_arm(h, dt, inertia, &mut step);
+        self.add_arm(h, block, dt, inertia, &mut step);
         if self.gyro_walk > 0.0 {
             step.noise[n * n - 1] += self.gyro_walk * dt;
         }
         step
     }
 
-    /// Errors of the arm's telemetry between two reports: of its momentum, which turns the base the other way, and of its place.
-    fn add_arm(&self, h: &Hyper, dt: f64, inertia: f64, step: &mut Step) {
-        let Some([interval, momentum, shift]) = self.arm else { return };
+    /// Errors of the arm's path, of unit variance: of its momentum, which turns the base the other way, and of its place.
+    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Step) {
+        let Some((correlation_s, _)) = self.arm else { return };
         let n = self.states();
-        let singer = SingerStep::new(dt, 0.5 * interval);
-        step.transition[4 * n + 9] = -singer.velocity / inertia;
+        let momentum = 0.5 * (self.arm_sd(h, block)[0] + self.arm_sd(h, block + 1)[0]);
+        let singer = SingerStep::new(dt, correlation_s);
+        step.transition[4 * n + 9] = -singer.velocity * momentum / inertia;
         step.transition[9 * n + 9] = singer.decay;
-        let onto = [(4, [0.0, -1.0 / inertia, 0.0]), (9, [0.0, 0.0, 1.0])];
-        add_noise(&mut step.noise, n, &onto, &singer.noise, (h.arm_rate * momentum).powi(2));
+        let onto = [(4, [0.0, -momentum / inertia, 0.0]), (9, [0.0, 0.0, 1.0])];
+        add_noise(&mut step.noise, n, &onto, &singer.noise, 1.0);
         for state in [10, 11] {
             step.transition[state * n + state] = singer.decay;
-            step.noise[state * n + state] += (h.arm_rate * shift).powi(2) * singer.noise[2][2];
+            step.noise[state * n + state] += singer.noise[2][2];
         }
     }
 }
@@ -211,20 +223,34 @@ fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64;
     }
 }
 
-/// Median interval of telemetry, and what one rad/s of error in the arm's rates does to momentum and centre of mass.
-fn arm_errors(plant: &Plant, run: &Run, mass_kg: f64) -> [f64; 3] {
+/// Correlation time of the errors of the arm's path, half of telemetry's median interval, and what they do at each block: the
+/// smoother's standard deviations, carried through the angular momentum of each joint's rate and the shift by each angle.
+fn arm_errors(
+    physics: &Physics,
+    run: &Run,
+    predictor: &Predictor,
+    times: &[f64],
+) -> Result<(f64, Vec<[f64; 2]>), ModelError> {
     let mut gaps: Vec<f64> =
         run.joints.as_ref().map_or_else(Vec::new, |j| j.t_s.windows(2).map(|w| w[1] - w[0]).collect());
     gaps.sort_by(f64::total_cmp);
-    let interval_s = gaps.get(gaps.len() / 2).copied().unwrap_or(0.2).max(1e-3);
-    let (mut reach, mut momentum, mut first_moment) = (0.0, 0.0, 0.0);
-    for link in &plant.links {
-        let arm = reach + link.length_m - link.com_to_next_joint_m;
-        momentum += link.inertia_kg_m2 + link.mass_kg * arm * arm;
-        first_moment += link.mass_kg * arm;
-        reach += link.length_m;
-    }
-    [interval_s, momentum, first_moment / mass_kg * 0.5 * interval_s]
+    let interval_s = gaps.get(gaps.len() / 2).copied().unwrap_or(SLOW_TELEMETRY_S).max(1e-3);
+    let (model, carriage) = (physics.model(0.0)?, predictor.carriage(physics)?);
+    let path = &predictor.encoders;
+    let at = |t_s: &f64| {
+        let (k, _) = path.grid.locate(*t_s);
+        let (mut momentum, mut shift) = (0.0, 0.0);
+        for joint in 0..physics.links.len().min(MAX_LINKS) {
+            let mut unit = JointVector::zeros();
+            unit[joint] = 1.0;
+            let q = joints_only(&carriage.samples[k].q_rad);
+            let moving = model.momentum(&State { q, v: joints_only(&unit) });
+            momentum += (moving.angular_about_com * path.rate_sd[k][joint]).powi(2);
+            shift += (moving.linear.norm() / carriage.mass_kg * path.angle_sd[k][joint]).powi(2);
+        }
+        [momentum.sqrt(), shift.sqrt()]
+    };
+    Ok((0.5 * interval_s, times.iter().map(at).collect()))
 }
 
 /// The hyper-parameters by name.
@@ -237,7 +263,7 @@ struct Hyper {
     noise_position: f64,
     noise_angle: f64,
     noise_gyro: f64,
-    arm_rate: f64,
+    arm: f64,
 }
 
 impl Hyper {
@@ -251,7 +277,7 @@ impl Hyper {
             noise_position: values[5],
             noise_angle: values[6],
             noise_gyro: values[7],
-            arm_rate: values[8],
+            arm: values[8],
         }
     }
 }
@@ -284,11 +310,6 @@ fn hyper_parameters(plant: &Plant) -> Vec<HyperParameter> {
         plain("pose noise over stated, place", 1.0, 0.15, [0.3, 3.0]),
         plain("pose noise over stated, heading", 1.0, 0.15, [0.3, 3.0]),
         plain("gyro noise over stated", 1.0, 0.15, [0.3, 3.0]),
-        plain(
-            "error of joint rates between reports (rad/s)",
-            plant.sensors.encoder_rate_rad_s.max(1e-6),
-            1.5,
-            [1e-7, 10.0],
-        ),
+        plain("error of the joints' path over its smoother's", 1.0, 0.7, [0.01, 100.0]),
     ]
 }

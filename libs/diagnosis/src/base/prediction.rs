@@ -50,7 +50,7 @@ pub(super) struct Carriage {
     pub(super) inertia_kg_m2: Vec<f64>,
     /// Angular momentum of the joint rates about it (kg m^2/s).
     pub(super) joint_momentum: Vec<f64>,
-    samples: Vec<JointSample>,
+    pub(super) samples: Vec<JointSample>,
 }
 
 /// Poses and velocities at the edges of the grid.
@@ -61,7 +61,7 @@ pub(super) struct Path {
 
 pub(super) struct Predictor {
     pub(super) pose: PosePath,
-    encoders: EncoderPath,
+    pub(super) encoders: EncoderPath,
     valves: ValveHistory,
     paths: Memo<Path>,
     carriages: Memo<Carriage>,
@@ -261,7 +261,7 @@ fn rotated((sin, cos): (f64, f64), [x, y]: [f64; 2]) -> [f64; 2] {
     [cos * x - sin * y, sin * x + cos * y]
 }
 
-fn joints_only(joints: &JointVector) -> Coordinates {
+pub(super) fn joints_only(joints: &JointVector) -> Coordinates {
     let mut q = Coordinates::zeros();
     q.fixed_rows_mut::<{ MAX_DOF - 3 }>(3).copy_from(joints);
     q
