@@ -3,3 +3,4 @@
 //! - [`block`]: what the search needs of a set of channels of one run.
 
 pub mod block;
+pub mod joints;
