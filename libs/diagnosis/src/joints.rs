@@ -33,6 +33,7 @@ use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, Plant};
 use hyper::{Hyper, hyper_parameters};
+use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust};
 use noise::NoiseModel;
 use path::MeasuredPath;
@@ -54,7 +55,9 @@ pub struct JointBlock {
     thrust: NominalThrust,
     rows: Vec<Row>,
     model: NoiseModel,
-    /// The reading at a row's time less the mean over its samples, less what the path is beside the command.
+    /// What the nominal plant makes of the torques at each moment, where the motion follows from them.
+    anchors: Option<Vec<Option<Anchor>>>,
+    /// Mean over a row's samples less the reading at its time, less what the path is beside the command.
     shift: Vec<f64>,
     hyper: Vec<HyperParameter>,
     measured: Vec<f64>,
@@ -89,7 +92,8 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let model = noise_model(plant, run, &path, &rows, slopes);
     let beside = beside_reference(&path, &rows, &model);
     let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
-    Some(JointBlock::assembled(run, (path, loads, thrust), rows, model, shift))
+    let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
+    Some(JointBlock::assembled(run, (path, loads, thrust, anchors), rows, model, shift))
 }
 
 /// Torque that the plant's joints are about: of inertia, gravity and friction, N m.
@@ -128,7 +132,15 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slop
         slopes,
         activity,
         interval_s: median_interval(&moments),
+        any_acceleration: any_acceleration(path),
     }
+}
+
+/// An acceleration that no error of the path is as large as, rad/s2: ten times the path's own.
+fn any_acceleration(path: &MeasuredPath) -> f64 {
+    let squares = path.joints.iter().flat_map(|track| path.grid_s().map(|t| track.at(t)[2].powi(2)));
+    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    10.0 * (sum / f64::max(count, 1.0)).sqrt() + 1.0
 }
 
 fn median_interval(t_s: &[f64]) -> f64 {
@@ -170,7 +182,7 @@ fn beside_reference(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Ve
 impl JointBlock {
     fn assembled(
         run: &Run,
-        (path, loads, thrust): (MeasuredPath, Loads, NominalThrust),
+        (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         rows: Vec<Row>,
         model: NoiseModel,
         shift: Vec<f64>,
@@ -196,6 +208,7 @@ impl JointBlock {
             thrust,
             rows,
             model,
+            anchors,
             shift,
             hyper,
             measured,
@@ -231,7 +244,10 @@ impl Block for JointBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let parts = (&self.run, &self.path, &self.loads);
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
-        let mut out = linearize::predict(&mechanics, &self.path, &self.rows);
+        let mut out = match &self.anchors {
+            Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
+            None => linearize::predict(&mechanics, &self.path, &self.rows),
+        };
         out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
         Ok(out)
     }

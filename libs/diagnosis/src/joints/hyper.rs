@@ -55,7 +55,7 @@ const MOTION: [HyperParameter; 3] = [
     plain("acceleration beside the command, share", 0.2, 1.0, [1e-3, 10.0]),
     plain("correlation of accelerations, s", 0.2, 0.7, [0.02, 3.0]),
 ];
-const WHITE: HyperParameter = strength("white torque, share of scale root s", 3e-3, 2.5, [1e-6, 10.0]);
+const WHITE: HyperParameter = strength("white torque, share of scale root s", 3e-3, 2.5, [1e-5, 10.0]);
 
 /// Those of joints whose motion follows from their torques, and of joints that follow a command.
 pub(super) fn hyper_parameters(driven: bool) -> Vec<HyperParameter> {

@@ -6,7 +6,7 @@ use super::path::MeasuredPath;
 use super::rows::{Kind, Row, moments};
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use fss_plant::Plant;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SMatrix};
 
 /// Step of central differences of torques by angles and rates, rad and rad/s: torques are polynomials of rates and
 /// sines of angles.
@@ -59,6 +59,100 @@ fn readings(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64, kinds: &[K
         }
     };
     kinds.iter().map(&mut reading).collect()
+}
+
+/// What drives' rows of one moment read where the motion follows from the torques: what the nominal plant reads of the path,
+/// and the difference in motion that the plant makes of the same torques, as the torque that the nominal plant would need for
+/// it. So a plant cannot explain a residual of torques by making all torques small.
+fn driven(mechanics: &Mechanics, anchor: &Anchor, path: &MeasuredPath, rows: &[Row]) -> JointVector {
+    let stamp_s = rows[0].t_s;
+    let links = path.joints.len();
+    let t_s = stamp_s - mechanics.physics(stamp_s).sensors.link_age_s(0);
+    let arm = mechanics.arm(t_s);
+    let sd: Vec<f64> = (0..links).map(|i| path.rate_sd(i, stamp_s)).collect();
+    let mut motor = JointVector::zeros();
+    for row in rows {
+        if let Kind::Current(i) = row.kind {
+            motor[i] = mechanics.given(t_s, i, row.value);
+        }
+    }
+    let moved = mechanics.accelerations(t_s, &arm, &motor, &sd);
+    let difference = moved - anchor.acceleration;
+    -(anchor.inertia * difference)
+}
+
+/// What the nominal plant makes of the torques at one moment.
+#[derive(Clone, Debug)]
+pub(super) struct Anchor {
+    /// Readings of the moment's rows.
+    reading: Vec<f64>,
+    /// Accelerations of the encoders, rad/s2, and the torques that it takes to change them, N m s2/rad.
+    acceleration: JointVector,
+    inertia: SMatrix<f64, MAX_LINKS, MAX_LINKS>,
+    /// Amperes or newton metres a newton metre.
+    unit: JointVector,
+}
+
+/// Anchors of all moments at which all joints' drives are known; `None` where torques are not.
+pub(super) fn anchors(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], nominal: &[f64]) -> Vec<Option<Anchor>> {
+    let links = path.joints.len();
+    let anchor = |moment: std::ops::Range<usize>| {
+        let known = |i: usize| rows[moment.clone()].iter().any(|r| r.kind == Kind::Current(i) || r.kind == Kind::Undriven(i));
+        if !(0..links).all(known) {
+            return None;
+        }
+        let t_s = rows[moment.start].t_s;
+        let columns = torque_slopes(mechanics, t_s, links);
+        let mut unit = JointVector::repeat(1.0);
+        for row in &rows[moment.clone()] {
+            if let Kind::Current(i) = row.kind {
+                unit[i] = mechanics.current(t_s, i, 1.0);
+            }
+        }
+        let mut out = Anchor {
+            reading: nominal[moment.clone()].to_vec(),
+            acceleration: JointVector::zeros(),
+            inertia: SMatrix::from_fn(|i, j| if i < links && j < links { columns[3 * j + 2][i] } else { 0.0 }),
+            unit,
+        };
+        out.acceleration = -pseudo_inverse_solved(mechanics, &out, path, &rows[moment]);
+        Some(out)
+    };
+    moments(rows).into_iter().map(anchor).collect()
+}
+
+/// Minus the nominal plant's accelerations.
+fn pseudo_inverse_solved(mechanics: &Mechanics, anchor: &Anchor, path: &MeasuredPath, rows: &[Row]) -> JointVector {
+    let unit = Anchor { inertia: SMatrix::identity(), ..anchor.clone() };
+    driven(mechanics, &unit, path, rows)
+}
+
+/// What all rows read at their times, where torques are known all the time.
+pub(super) fn predict_driven(
+    mechanics: &Mechanics,
+    path: &MeasuredPath,
+    rows: &[Row],
+    anchors: &[Option<Anchor>],
+) -> Vec<f64> {
+    let mut out = Vec::with_capacity(rows.len());
+    for (moment, anchor) in moments(rows).into_iter().zip(anchors) {
+        let own = &rows[moment.clone()];
+        let kinds: Vec<Kind> = own.iter().map(|r| r.kind).collect();
+        let Some(anchor) = anchor else {
+            out.extend(readings(mechanics, path, own[0].t_s, &kinds));
+            continue;
+        };
+        let missing = driven(mechanics, anchor, path, own);
+        let rest: Vec<Kind> =
+            kinds.iter().copied().filter(|k| matches!(k, Kind::Torque(_) | Kind::Tip(_))).collect();
+        let mut rest = readings(mechanics, path, own[0].t_s, &rest).into_iter();
+        out.extend(kinds.iter().zip(&anchor.reading).map(|(kind, nominal)| match *kind {
+            Kind::Current(i) | Kind::Undriven(i) => nominal + anchor.unit[i] * missing[i],
+            Kind::Torque(_) | Kind::Tip(_) => rest.next().unwrap_or(*nominal),
+            Kind::Angle(_) | Kind::Rate(_) => *nominal,
+        }));
+    }
+    out
 }
 
 /// What all rows read at their times.

@@ -226,6 +226,47 @@ impl<'a> Mechanics<'a> {
         motor_torque / (joint.torque_constant_n_m_a * scale)
     }
 
+    /// Accelerations that the encoders would show at the true time `t_s` where the motors gave the torques `motor`: what the
+    /// equation of motion makes of them.
+    pub(super) fn accelerations(&self, t_s: f64, arm: &ArmState, motor: &JointVector, rate_sd: &[f64]) -> JointVector {
+        let (physics, model, base) = (self.physics(t_s), self.model(t_s), self.base(t_s));
+        let mut state = State::at_rest(Coordinates::zeros());
+        state.q.fixed_rows_mut::<3>(0).copy_from_slice(&base.pose);
+        state.v.fixed_rows_mut::<3>(0).copy_from_slice(&base.velocity);
+        state.q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&arm.q_rad);
+        state.v.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&arm.qd_rad_s);
+        let motion = BaseMotion { t_s, pose: base.pose, velocity: base.velocity };
+        let wrench = physics.base_wrench(&motion);
+        let [fx, fy, torque] = self.thrust.at(t_s);
+        let (sin, cos) = base.pose[2].sin_cos();
+        let mut force = Coordinates::zeros();
+        force[0] = wrench[0] + cos * fx - sin * fy;
+        force[1] = wrench[1] + sin * fx + cos * fy;
+        force[2] = wrench[2] + torque;
+        for (i, joint) in physics.joints.iter().enumerate() {
+            let rate = arm.motor_rad_s[i];
+            let friction = joint.friction.sliding_n_m(direction(rate, rate_sd[i]), rate);
+            force[3 + i] = motor[i] * joint.gear_ratio(arm.q_rad[i]) - friction;
+        }
+        for law in &physics.joint_laws {
+            let i = law.joint;
+            force[3 + i] += (law.law)(&law.values, t_s, arm.q_rad[i], arm.qd_rad_s[i]);
+        }
+        let acceleration = model.forward_dynamics(&state, &force);
+        let shown = |i: usize| physics.joints.get(i).map_or(0.0, |joint| {
+            let (amplitude, cycles) = (joint.kinematic_error_rad, joint.kinematic_cycles);
+            let curvature = amplitude * cycles * cycles * (cycles * arm.q_rad[i]).sin() * arm.qd_rad_s[i].powi(2);
+            joint.encoder_scale * (joint.gear_ratio(arm.q_rad[i]) * acceleration[3 + i] + curvature)
+        });
+        JointVector::from_fn(|i, _| shown(i))
+    }
+
+    /// Torque that a current gives, N m.
+    pub(super) fn given(&self, t_s: f64, i: usize, current_a: f64) -> f64 {
+        let joint = &self.physics(t_s).joints[i];
+        joint.torque_constant_n_m_a * joint.torque_scale * current_a
+    }
+
     /// Motion capture's end-effector in the base's frame, as motion capture saw both at the stamp `t_s`.
     pub(super) fn end_effector(&self, t_s: f64) -> [f64; 3] {
         let physics = self.physics(t_s);

@@ -12,8 +12,6 @@ use fss_estimation::{Measurement, StateSpace, Step};
 
 /// Standard deviations at the first row, much more than anything: rad, rad/s.
 const START_SD: [f64; 2] = [10.0, 30.0];
-/// Standard deviation of accelerations of which nothing is known, rad/s2: a hundred times gravity on a link of a decimetre.
-const ANY_ACCELERATION: f64 = 1e4;
 /// Pauses so many times longer than other intervals say nothing of a swinging arm's motion.
 const PAUSE: f64 = 2.5;
 /// Where no sensor has noise: share of the torque scale that a free joint's bearing is known to leave, for numerics.
@@ -48,6 +46,8 @@ pub(super) struct NoiseModel {
     pub(super) slopes: Vec<Slopes>,
     /// Commanded acceleration of each joint before each moment, root mean square over some tenths of a second, rad/s2.
     pub(super) activity: Vec<Vec<f64>>,
+    /// Standard deviation of a swinging arm's acceleration beside the path's before its torques are told, rad/s2.
+    pub(super) any_acceleration: f64,
     /// Usual interval between telemetry rows, s.
     pub(super) interval_s: f64,
 }
@@ -102,7 +102,7 @@ impl NoiseModel {
 
     fn acceleration_variance(&self, moment: usize, joint: usize, hyper: &Hyper) -> f64 {
         if self.driven {
-            return ANY_ACCELERATION * ANY_ACCELERATION;
+            return self.any_acceleration * self.any_acceleration;
         }
         let activity = self.activity.get(moment).map_or(0.0, |a| a[joint]);
         hyper.acceleration[0].powi(2) + (hyper.acceleration[1] * activity).powi(2)

@@ -70,24 +70,27 @@ pub(super) fn rows(plant: &Plant, run: &Run, path: &MeasuredPath) -> Vec<Row> {
     for rows in &bins {
         let t_s = joints.t_s[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
         times.push(t_s);
+        if run.drive == Drive::Free {
+            let stamps_s: Vec<f64> = joints.t_s[rows.clone()].to_vec();
+            let still = |i| Row { kind: Kind::Undriven(i), t_s, value: 0.0, noise: 0.0, stamps_s: stamps_s.clone() };
+            out.extend((0..plant.link_count()).map(still));
+        }
         let mut add = |kind: Kind, values: Option<&Vec<f64>>, noise: f64| {
             let Some((value, count)) = values.and_then(|v| mean(v, rows)) else { return };
             let known = |k: &usize| values.is_some_and(|v| v.get(*k).is_some_and(|v| v.is_finite()));
             let stamps_s = rows.clone().filter(known).map(|k| joints.t_s[k]).collect();
             out.push(Row { kind, t_s, value, noise: noise / count.sqrt(), stamps_s });
         };
+        // Torques first: where they tell the motion, what is left shows in the encoders.
         for i in 0..plant.link_count() {
-            add(Kind::Angle(i), angles.get(i), sensors.encoder_rad);
-            add(Kind::Rate(i), joints.qd_rad_s.get(i), sensors.encoder_rate_rad_s);
             if run.drive != Drive::Free {
                 add(Kind::Current(i), joints.current_a.get(i), sensors.current_a);
             }
             add(Kind::Torque(i), joints.torque_nm.get(i), sensors.torque_n_m);
         }
-        if run.drive == Drive::Free {
-            let stamps_s: Vec<f64> = joints.t_s[rows.clone()].to_vec();
-            let still = |i| Row { kind: Kind::Undriven(i), t_s, value: 0.0, noise: 0.0, stamps_s: stamps_s.clone() };
-            out.extend((0..plant.link_count()).map(still));
+        for i in 0..plant.link_count() {
+            add(Kind::Angle(i), angles.get(i), sensors.encoder_rad);
+            add(Kind::Rate(i), joints.qd_rad_s.get(i), sensors.encoder_rate_rad_s);
         }
     }
     out.extend(tip_rows(plant, run, path, &times));
