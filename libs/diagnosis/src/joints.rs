@@ -81,7 +81,7 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let scale = torque_scale(plant)?;
     let none = Loads::default();
     let rigid = Mechanics::new(plant, &[], (run, &path, &none), Some(&thrust)).ok()?;
-    let loads = rigid.loads(&plant.sensors, &scale);
+    let loads = if rows::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
     let mechanics = Mechanics::new(plant, &[], (run, &path, &loads), Some(&thrust)).ok()?;
     let nominal = linearize::predict(&mechanics, &path, &rows);
     let slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);

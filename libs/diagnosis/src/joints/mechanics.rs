@@ -150,7 +150,8 @@ impl<'a> Mechanics<'a> {
             let scale = joint.encoder_scale;
             let motor = [(reading - joint.encoder_offset_rad) / scale, rate / scale, acceleration / scale];
             let mut link = through_gear(joint, motor);
-            if joint.is_elastic() {
+            // Where torques move the arm (no loads are known) the encoder is taken to sit on the link.
+            if joint.is_elastic() && !self.loads.tracks.is_empty() {
                 let stiffness = joint.stiffness_n_m_rad.unwrap_or(physics.servos[i].gear_stiffness_n_m_rad);
                 let [lead, lead_rate] = self.loads.lead(i, joint, stiffness, t_s, self.path.step_s());
                 link[0] += lead;
