@@ -38,6 +38,7 @@ use mechanics::{Loads, Mechanics, NominalThrust};
 use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
+use std::f64::consts::TAU;
 
 /// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
 const TYPICAL_ACCELERATION: f64 = 1.0;
@@ -72,7 +73,7 @@ pub struct JointBlock {
 pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let links = plant.link_count();
     let path = MeasuredPath::new(run, links, &plant.sensors)?;
-    let rows = rows::rows(plant, run, &path);
+    let mut rows = rows::rows(plant, run, &path);
     let tells = |row: &Row| !matches!(row.kind, Kind::Angle(_) | Kind::Rate(_));
     if rows::moments(&rows).len() < FEWEST_MOMENTS || !rows.iter().any(tells) {
         return None;
@@ -84,6 +85,10 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let loads = if rows::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
     let mechanics = Mechanics::new(plant, &[], (run, &path, &loads), Some(&thrust)).ok()?;
     let nominal = linearize::predict(&mechanics, &path, &rows);
+    // Headings are known but for whole turns.
+    for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
+        row.value -= TAU * ((row.value - nominal) / TAU).round();
+    }
     let slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);
     let averaging = linearize::averaging(&mechanics, &path, &rows, &nominal);
     if nominal.iter().chain(&averaging).any(|v| !v.is_finite()) {

@@ -215,6 +215,7 @@ fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]
     let rows = groups(&poses.t_s, 4.0 * MERGE_S);
     let track = |axis: usize| {
         let values: Vec<f64> = poses.values.iter().map(|v| v[axis]).collect();
+        let values = if axis == 2 { unwrapped(&values) } else { values };
         let sd = if axis < 2 { sensors.mocap_position_m } else { sensors.mocap_angle_rad };
         let reading = |rows: &std::ops::Range<usize>| {
             let (value, count) = mean(&values, rows)?;

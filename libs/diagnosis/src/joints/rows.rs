@@ -107,12 +107,19 @@ fn tip_rows(plant: &Plant, run: &Run, path: &MeasuredPath, telemetry_s: &[f64]) 
     }
     let base = run.base_pose.as_ref().filter(|_| !plant.base.clamped);
     let width = interval_s(telemetry_s).clamp(SERVO_BIN_S, LONGEST_TIP_BIN_S);
+    let headings = unwrapped(&tip.values.iter().map(|pose| pose[2]).collect::<Vec<_>>());
+    let base = base.map(|base| {
+        let headings = unwrapped(&base.values.iter().map(|pose| pose[2]).collect::<Vec<_>>());
+        let values = base.values.iter().zip(headings).map(|(pose, heading)| [pose[0], pose[1], heading]).collect();
+        Poses { t_s: base.t_s.clone(), values }
+    });
     let mut out = Vec::new();
     for rows in groups(&tip.t_s, width) {
         let known = |k: &usize| {
             let stamp_s = tip.t_s[*k];
-            let frame = base.map_or(Some([0.0; 3]), |base| interpolated(base, stamp_s))?;
-            let pose = super::mechanics::relative(tip.values[*k], frame);
+            let frame = base.as_ref().map_or(Some([0.0; 3]), |base| interpolated(base, stamp_s))?;
+            let [x, y, _] = tip.values[*k];
+            let pose = super::mechanics::relative([x, y, headings[*k]], frame);
             (pose.iter().all(|v| v.is_finite()) && (*from_s..=*to_s).contains(&stamp_s)).then_some((stamp_s, pose))
         };
         let samples: Vec<(f64, [f64; 3])> = rows.clone().filter_map(|k| known(&k)).collect();
