@@ -164,9 +164,7 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
 
 /// What the rows read of the path beside the reference.
 fn beside_reference(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<f64> {
-    let deviation = |row: &Row| -> Vec<f64> {
-        (0..model.links).flat_map(|j| path.deviation(j, row.t_s)).collect()
-    };
+    let deviation = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| path.deviation(j, row.t_s)).collect() };
     let mut out: Vec<f64> = rows
         .iter()
         .zip(&model.slopes)
@@ -204,7 +202,8 @@ impl JointBlock {
         }
         let hyper = hyper_parameters(model.driven);
         let measured = rows.iter().map(|r| r.value).collect();
-        let (time_of_row, noise_of_row) = (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
+        let (time_of_row, noise_of_row) =
+            (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
         let run = Run { name: run.name.clone(), valves: run.valves.clone(), ..Run::default() };
         Self {
             run,

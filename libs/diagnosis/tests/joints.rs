@@ -56,8 +56,7 @@ fn flown(plant: &Plant, effects: &[Effect], rate_hz: f64, seed: u64) -> Run {
     let mut simulation = Simulation::new(&plant.with_effects(effects), seed).unwrap();
     let mut instruments = Instruments::new(2, seed);
     let empty = || vec![Vec::new(); 2];
-    let mut joints =
-        Joints { t_s: vec![], q_rad: empty(), qd_rad_s: empty(), current_a: empty(), torque_nm: empty() };
+    let mut joints = Joints { t_s: vec![], q_rad: empty(), qd_rad_s: empty(), current_a: empty(), torque_nm: empty() };
     let mut command = Many { t_s: vec![], values: empty() };
     let every = (1000.0 / rate_hz).round() as usize;
     for k in 0..20_000 {
@@ -156,7 +155,11 @@ fn torque_constant_and_friction_are_unbiased_at_every_rate() {
             let hyper = fitted(&block, &columns, &sd);
             let (_, mean, covariance) = posterior(&block, &columns, &sd, &hyper);
             let z: Vec<f64> = (0..3).map(|k| (mean[k] - truth[k]) / covariance[(k, k)].sqrt()).collect();
-            println!("{rate_hz} Hz, noise {noise}: {:.4?} ± {:.4?}, z {z:.1?}", mean.as_slice(), covariance.diagonal().map(f64::sqrt).as_slice());
+            println!(
+                "{rate_hz} Hz, noise {noise}: {:.4?} ± {:.4?}, z {z:.1?}",
+                mean.as_slice(),
+                covariance.diagonal().map(f64::sqrt).as_slice()
+            );
             println!("   {hyper:.4?}");
             assert!(z.iter().all(|z| z.abs() < 3.5), "{rate_hz} Hz, noise {noise}: {z:?}");
             (0..3).for_each(|k| sum[k] += z[k]);

@@ -94,10 +94,16 @@ pub(super) struct Anchor {
 }
 
 /// Anchors of all moments at which all joints' drives are known; `None` where torques are not.
-pub(super) fn anchors(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], nominal: &[f64]) -> Vec<Option<Anchor>> {
+pub(super) fn anchors(
+    mechanics: &Mechanics,
+    path: &MeasuredPath,
+    rows: &[Row],
+    nominal: &[f64],
+) -> Vec<Option<Anchor>> {
     let links = path.joints.len();
     let anchor = |moment: std::ops::Range<usize>| {
-        let known = |i: usize| rows[moment.clone()].iter().any(|r| r.kind == Kind::Current(i) || r.kind == Kind::Undriven(i));
+        let known =
+            |i: usize| rows[moment.clone()].iter().any(|r| r.kind == Kind::Current(i) || r.kind == Kind::Undriven(i));
         if !(0..links).all(known) {
             return None;
         }
@@ -143,8 +149,7 @@ pub(super) fn predict_driven(
             continue;
         };
         let missing = driven(mechanics, anchor, path, own);
-        let rest: Vec<Kind> =
-            kinds.iter().copied().filter(|k| matches!(k, Kind::Torque(_) | Kind::Tip(_))).collect();
+        let rest: Vec<Kind> = kinds.iter().copied().filter(|k| matches!(k, Kind::Torque(_) | Kind::Tip(_))).collect();
         let mut rest = readings(mechanics, path, own[0].t_s, &rest).into_iter();
         out.extend(kinds.iter().zip(&anchor.reading).map(|(kind, nominal)| match *kind {
             Kind::Current(i) | Kind::Undriven(i) => nominal + anchor.unit[i] * missing[i],
@@ -188,7 +193,13 @@ pub(super) fn averaging(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row]
 }
 
 /// How each row depends on the motion beside the path, under the nominal plant.
-pub(super) fn slopes(plant: &Plant, mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], scale: &[f64]) -> Vec<Slopes> {
+pub(super) fn slopes(
+    plant: &Plant,
+    mechanics: &Mechanics,
+    path: &MeasuredPath,
+    rows: &[Row],
+    scale: &[f64],
+) -> Vec<Slopes> {
     let links = path.joints.len();
     let mut out = Vec::with_capacity(rows.len());
     for moment in moments(rows) {

@@ -254,11 +254,13 @@ impl<'a> Mechanics<'a> {
             force[3 + i] += (law.law)(&law.values, t_s, arm.q_rad[i], arm.qd_rad_s[i]);
         }
         let acceleration = model.forward_dynamics(&state, &force);
-        let shown = |i: usize| physics.joints.get(i).map_or(0.0, |joint| {
-            let (amplitude, cycles) = (joint.kinematic_error_rad, joint.kinematic_cycles);
-            let curvature = amplitude * cycles * cycles * (cycles * arm.q_rad[i]).sin() * arm.qd_rad_s[i].powi(2);
-            joint.encoder_scale * (joint.gear_ratio(arm.q_rad[i]) * acceleration[3 + i] + curvature)
-        });
+        let shown = |i: usize| {
+            physics.joints.get(i).map_or(0.0, |joint| {
+                let (amplitude, cycles) = (joint.kinematic_error_rad, joint.kinematic_cycles);
+                let curvature = amplitude * cycles * cycles * (cycles * arm.q_rad[i]).sin() * arm.qd_rad_s[i].powi(2);
+                joint.encoder_scale * (joint.gear_ratio(arm.q_rad[i]) * acceleration[3 + i] + curvature)
+            })
+        };
         JointVector::from_fn(|i, _| shown(i))
     }
 

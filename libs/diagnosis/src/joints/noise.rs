@@ -86,7 +86,8 @@ impl NoiseModel {
             initial[(3 * j + 2) * (n + 1)] = self.acceleration_variance(0, j, hyper);
         }
         (3 * self.links..n).for_each(|i| initial[i * (n + 1)] = 1.0);
-        let mut out = StateSpace { states: n, initial, steps: Vec::new(), measurements: Vec::with_capacity(rows.len()) };
+        let mut out =
+            StateSpace { states: n, initial, steps: Vec::new(), measurements: Vec::with_capacity(rows.len()) };
         let (mut last_s, mut moment) = (f64::NAN, 0);
         for (k, row) in rows.iter().enumerate() {
             let step = (k > 0 && row.t_s > last_s).then(|| {
@@ -138,14 +139,7 @@ impl NoiseModel {
         Step { transition, noise }
     }
 
-    fn measurement(
-        &self,
-        row: &Row,
-        k: usize,
-        step: Option<usize>,
-        hyper: &Hyper,
-        places: &Places,
-    ) -> Measurement {
+    fn measurement(&self, row: &Row, k: usize, step: Option<usize>, hyper: &Hyper, places: &Places) -> Measurement {
         let slopes = &self.slopes[k];
         let mut states = slopes.motion.clone();
         let (noise, torque) = (row.noise, slopes.torque);

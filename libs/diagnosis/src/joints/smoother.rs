@@ -29,8 +29,7 @@ pub(super) struct Smoothed {
 /// What is not known before the first reading: rad, rad/s, rad/s2 (those of a pendulum that is let go).
 const START_SD: [f64; 3] = [5.0, 30.0, 300.0];
 /// Densities of white jerk to choose from, rad/s3 per root Hz: from a joint at rest to a pendulum that turns over.
-const JERKS: [f64; 15] =
-    [1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4];
+const JERKS: [f64; 15] = [1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4];
 
 #[derive(Clone, Copy)]
 struct Update {

@@ -53,9 +53,7 @@ mod tests {
 
     #[test]
     fn a_polynomial_of_fifth_degree_is_met_exactly() {
-        let f = |t: f64| {
-            [1.0 - t + t.powi(5), -1.0 + 5.0 * t.powi(4), 20.0 * t.powi(3)]
-        };
+        let f = |t: f64| [1.0 - t + t.powi(5), -1.0 + 5.0 * t.powi(4), 20.0 * t.powi(3)];
         let track = Track::new(0.5, 0.25, (0..5).map(|k| f(0.5 + 0.25 * f64::from(k))).collect());
         for t in [0.5, 0.6, 0.75, 1.1, 1.49] {
             for (got, wanted) in track.at(t).into_iter().zip(f(t)) {
