@@ -40,8 +40,10 @@ impl HyperParameter {
 pub enum Strength {
     /// Forces on the base.
     Force,
-    /// Torques on the base or at joints.
+    /// Torques on the base.
     Torque,
+    /// At joints.
+    Joint,
 }
 
 /// Channels of one run that share a state-space noise model.

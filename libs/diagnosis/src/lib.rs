@@ -4,6 +4,7 @@
 //!
 //! - [`block`]: what the search needs of a set of channels of one run: a prediction linear in small effects, a noise model.
 //! - [`base`]: the motion of a floating base as a block.
+//! - [`joints`]: the joints and the end-effector as a block.
 //! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
 //! - `search`: marginal likelihoods of sets of causes.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
@@ -14,6 +15,7 @@ pub mod block;
 mod candidates;
 mod conclude;
 pub mod diagnosis;
+pub mod joints;
 mod misfit;
 mod path;
 mod problem;

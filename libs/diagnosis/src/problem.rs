@@ -3,6 +3,7 @@
 use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, candidates};
+use crate::joints::joint_block;
 use crate::uncertain::{Uncertain, uncertain};
 use fss_estimation::Columns;
 use fss_estimation::evidence::Gram;
@@ -51,6 +52,8 @@ pub(crate) struct Problem {
     /// Hyper-parameters of all families, then the variation from run to run.
     pub(crate) hyper: Vec<HyperParameter>,
     family_at: Vec<usize>,
+    /// Family of each hyper-parameter; the last has none.
+    pub(crate) family_of: Vec<usize>,
     /// Deviation of each parameter's spike.
     pub(crate) spikes: Vec<f64>,
     /// Typical size of each parameter that may vary from run to run; 0 of uncertain values.
@@ -73,24 +76,33 @@ pub(crate) struct Linearized {
 
 impl Problem {
     pub(crate) fn new(plant: &Plant, runs: &[Run]) -> Result<Self, ModelError> {
-        let blocks: Vec<Option<BaseBlock>> =
-            runs.par_iter().map(|run| BaseBlock::new(plant, run)).collect::<Result<_, _>>()?;
+        let blocks: Vec<[Option<Box<dyn Block>>; 2]> = runs
+            .par_iter()
+            .map(|run| {
+                let base = BaseBlock::new(plant, run)?.map(|b| Box::new(b) as Box<dyn Block>);
+                Ok([base, joint_block(plant, run).map(|b| Box::new(b) as Box<dyn Block>)])
+            })
+            .collect::<Result<_, ModelError>>()?;
         let mut members = Vec::new();
-        for (run, block) in blocks.into_iter().enumerate() {
-            members.extend(block.map(|b| Member { run, family: 0, block: Box::new(b) as Box<dyn Block> }));
+        for (run, of_run) in blocks.into_iter().enumerate() {
+            for (family, block) in of_run.into_iter().enumerate() {
+                members.extend(block.map(|block| Member { run, family, block }));
+            }
         }
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         Ok(Self::of(plant, runs.len(), members, candidates(plant, duration_s)))
     }
 
     fn of(plant: &Plant, runs: usize, members: Vec<Member>, candidates: Vec<Candidate>) -> Self {
-        let (mut hyper, mut family_at) = (Vec::new(), Vec::new());
+        let (mut hyper, mut family_at, mut family_of) = (Vec::new(), Vec::new(), Vec::new());
         let families = members.iter().map(|m| m.family + 1).max().unwrap_or(0);
         for family in 0..families {
             family_at.push(hyper.len());
             let of_family = members.iter().find(|m| m.family == family);
             hyper.extend(of_family.map_or(&[][..], |m| m.block.hyper_parameters()).iter().cloned());
+            family_of.resize(hyper.len(), family);
         }
+        family_of.push(usize::MAX);
         hyper.push(VARIATION);
         let uncertain = uncertain(plant);
         let (mut first, mut spikes, mut variation) = (Vec::new(), Vec::new(), Vec::new());
@@ -104,7 +116,19 @@ impl Problem {
         }
         spikes.extend(uncertain.iter().map(|_| 1.0));
         variation.extend(uncertain.iter().map(|_| 0.0));
-        Self { plant: plant.clone(), members, runs, candidates, first, uncertain, hyper, family_at, spikes, variation }
+        Self {
+            plant: plant.clone(),
+            members,
+            runs,
+            candidates,
+            first,
+            uncertain,
+            hyper,
+            family_at,
+            family_of,
+            spikes,
+            variation,
+        }
     }
 
     /// The plant with its uncertain values moved by so many standard deviations.

@@ -18,9 +18,11 @@ const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
 /// Sets that are extended at each size.
 const BEAM: usize = 8;
 /// Strengths of the discrepancy that sets are compared at, over the present ones.
-const LADDER: [f64; 7] = [1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3];
+const LADDER: [f64; 5] = [1.0, 0.25, 0.06, 0.015, 3e-3];
+/// And about the present ones.
+const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
 /// Strengths that all candidates are looked at first, and how many of them the search goes on with; of a law, so many shapes.
-const SCREENED_AT: [f64; 4] = [1.0, 0.1, 0.01, 1e-3];
+const SCREENED_AT: [f64; 3] = [1.0, 0.1, 5e-3];
 const SHORTLIST: usize = 28;
 const SHAPES: usize = 3;
 const OF_A_KIND: usize = 8;
@@ -201,7 +203,14 @@ impl<'a> Search<'a> {
                 .collect();
             (0..self.classes(candidate)).filter_map(|class| self.slabs(&[candidate], &[class], &local)).collect()
         };
-        let hypers = SCREENED_AT.iter().map(|by| self.scaled(null, *by, *by)).chain([present.to_vec()]);
+        let ladders =
+            SCREENED_AT.iter().flat_map(|by| [0, 1].map(|family| self.scaled(null, present, family, |_| *by)));
+        let mut hypers = vec![present.to_vec()];
+        for hyper in ladders {
+            if !hypers.contains(&hyper) {
+                hypers.push(hyper);
+            }
+        }
         let mut best = vec![f64::NEG_INFINITY; problem.candidates.len()];
         for hyper in hypers {
             let Some(values) = problem.screened(linearized, &hyper, &base, &sd, &slabs) else { continue };
@@ -295,40 +304,47 @@ impl<'a> Search<'a> {
         bounded(&best)
     }
 
-    /// Hyper-parameters whose discrepancies' strengths are scaled: forces by `a`, torques by `b`.
-    fn scaled(&self, from: &[f64], a: f64, b: f64) -> Vec<f64> {
-        let scale = |(value, h): (&f64, &crate::block::HyperParameter)| {
-            let by = match h.strength_of {
-                None => 1.0,
-                Some(Strength::Force) => a,
-                Some(Strength::Torque) => b,
-            };
-            (value * by).clamp(h.bounds[0], h.bounds[1])
+    /// Hyper-parameters of a family as the empty set needs them, the strengths of its discrepancies scaled; all others as `present`.
+    /// Below the strength that the empty set needs, its inflated noise is no guide either: that is as stated.
+    fn scaled(&self, null: &[f64], present: &[f64], family: usize, by: impl Fn(Strength) -> f64) -> Vec<f64> {
+        let full = [Strength::Force, Strength::Torque, Strength::Joint].iter().all(|s| by(*s) == 1.0);
+        let scale = |(i, h): (usize, &crate::block::HyperParameter)| match h.strength_of {
+            _ if self.problem.family_of[i] != family => present[i],
+            Some(strength) => (null[i] * by(strength)).clamp(h.bounds[0], h.bounds[1]),
+            None if full => null[i],
+            None => h.median,
         };
-        from.iter().zip(&self.problem.hyper).map(scale).collect()
+        self.problem.hyper.iter().enumerate().map(scale).collect()
     }
 
-    /// The hyper-parameters that sets are compared at: the ladder down from those of no cause, and about the present ones.
+    /// The hyper-parameters that sets are compared at: ladders down from those of no cause, and about the present ones.
     fn points(&self, linearized: &Linearized, null: &[f64], present: &[f64]) -> Vec<HyperPoint> {
-        let mut grid: Vec<Vec<f64>> = Vec::new();
-        // Below the strength that the empty set needs, its inflated noise is no guide either.
-        let quiet: Vec<f64> = null
-            .iter()
-            .zip(&self.problem.hyper)
-            .map(|(v, h)| if h.strength_of.is_some() || *v == null[null.len() - 1] { *v } else { h.median })
-            .collect();
+        let mut grid: Vec<Vec<f64>> = vec![null.to_vec()];
+        let of_base = |a: f64, b: f64| move |s: Strength| if s == Strength::Force { a } else { b };
         for (i, a) in LADDER.iter().enumerate() {
             for (j, b) in LADDER.iter().enumerate() {
                 if i.abs_diff(j) <= 1 {
-                    grid.push(self.scaled(if i + j == 0 { null } else { &quiet }, *a, *b));
+                    grid.push(self.scaled(null, present, 0, of_base(*a, *b)));
                 }
             }
         }
-        for a in [0.7, 1.0, 1.4] {
-            for b in [0.7, 1.0, 1.4] {
-                grid.push(self.scaled(present, a, b));
-            }
+        grid.extend(LADDER.iter().map(|c| self.scaled(null, present, 1, |_| *c)));
+        let around = |a: f64, b: f64, c: f64| -> Vec<f64> {
+            let scale = |(h, value): (&crate::block::HyperParameter, &f64)| {
+                let by = match h.strength_of {
+                    Some(Strength::Force) => a,
+                    Some(Strength::Torque) => b,
+                    Some(Strength::Joint) => c,
+                    None => 1.0,
+                };
+                (value * by).clamp(h.bounds[0], h.bounds[1])
+            };
+            self.problem.hyper.iter().zip(present).map(scale).collect()
+        };
+        for a in AROUND {
+            grid.extend(AROUND.iter().map(|b| around(a, *b, 1.0)));
         }
+        grid.extend(AROUND.iter().map(|c| around(1.0, 1.0, *c)));
         for variation in VARIATIONS {
             let mut varied = present.to_vec();
             if let Some(last) = varied.last_mut() {
@@ -336,8 +352,13 @@ impl<'a> Search<'a> {
             }
             grid.push(varied);
         }
-        grid.dedup();
-        grid.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters)).collect()
+        let mut kept: Vec<Vec<f64>> = Vec::new();
+        for hyper in grid {
+            if !kept.contains(&hyper) {
+                kept.push(hyper);
+            }
+        }
+        kept.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters)).collect()
     }
 
     fn classes(&self, candidate: usize) -> usize {

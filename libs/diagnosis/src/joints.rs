@@ -1,0 +1,284 @@
+//! Encoders, motor currents, torque sensors and the end-effector's pose of one run.
+//!
+//! A current and a torque are *outputs* of a motion that encoders and motion capture show through noise, never regressors:
+//! `current = (torque on the links (q, qd, qdd) + friction (qd)) / torque constant + noise`. The Kalman filter marginalizes
+//! the motion, so that torque constants and frictions come out without bias at any telemetry rate (errors in variables).
+//!
+//! Two models of the motion:
+//!
+//! - *followed*: a servo makes the arm follow a command. The encoders read the command, its mean lag taken off, and beside it
+//!   a smooth motion whose acceleration is a process of inferred strength, in proportion to what is commanded.
+//! - *driven*: the motors' torques are known all the time (a measured current, or none). The motion between two rows is
+//!   anything, and each row is a balance of torques that tells what it was. This is the equation of motion with process
+//!   noise, written so that the rows stay local: an unstable or chaotic motion is never integrated.
+//!
+//! What no effect explains lands in correlated torques on the links and in the drives, of inferred strength.
+//!
+//! Everything is linearized about the smoothed path. [`JointBlock`]'s prediction is that linearization taken back to the
+//! command, so that the filter's states are deviations from what does not depend on the measured noise.
+
+mod hyper;
+mod linearize;
+mod mechanics;
+mod noise;
+mod path;
+mod process;
+mod rows;
+mod smoother;
+mod track;
+
+use crate::block::{Block, HyperParameter};
+use fss_estimation::Columns;
+use fss_identify::measured::Run;
+use fss_multibody::{Coordinates, ModelError};
+use fss_plant::{Effect, Plant};
+use hyper::{Hyper, hyper_parameters};
+use linearize::Anchor;
+use mechanics::{Loads, Mechanics, NominalThrust};
+use noise::NoiseModel;
+use path::MeasuredPath;
+use rows::{Kind, Row};
+use std::f64::consts::TAU;
+
+/// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
+const TYPICAL_ACCELERATION: f64 = 1.0;
+const TYPICAL_RATE: f64 = 0.5;
+/// Half of the time over which a command's acceleration is averaged, s.
+const ACTIVITY_S: f64 = 0.3;
+/// Fewer moments than this cannot hold an initial state and say anything.
+const FEWEST_MOMENTS: usize = 4;
+
+/// The joints' channels of a run.
+pub struct JointBlock {
+    run: Run,
+    path: MeasuredPath,
+    loads: Loads,
+    thrust: NominalThrust,
+    rows: Vec<Row>,
+    model: NoiseModel,
+    /// What the nominal plant makes of the torques at each moment, where the motion follows from them.
+    anchors: Option<Vec<Option<Anchor>>>,
+    /// Mean over a row's samples less the reading at its time, less what the path is beside the command.
+    shift: Vec<f64>,
+    hyper: Vec<HyperParameter>,
+    measured: Vec<f64>,
+    channel_of_row: Vec<usize>,
+    channels: Vec<String>,
+    time_of_row: Vec<f64>,
+    noise_of_row: Vec<f64>,
+}
+
+/// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
+/// something that depends on more than the encoders.
+pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
+    let links = plant.link_count();
+    let path = MeasuredPath::new(run, links, &plant.sensors)?;
+    let mut rows = rows::rows(plant, run, &path);
+    let tells = |row: &Row| !matches!(row.kind, Kind::Angle(_) | Kind::Rate(_));
+    if rows::moments(&rows).len() < FEWEST_MOMENTS || !rows.iter().any(tells) {
+        return None;
+    }
+    let thrust = NominalThrust::new(plant, run, &path).ok()?;
+    let scale = torque_scale(plant)?;
+    let none = Loads::default();
+    let rigid = Mechanics::new(plant, &[], (run, &path, &none), Some(&thrust)).ok()?;
+    let loads = if rows::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
+    let mechanics = Mechanics::new(plant, &[], (run, &path, &loads), Some(&thrust)).ok()?;
+    let nominal = linearize::predict(&mechanics, &path, &rows);
+    // Headings are known but for whole turns.
+    for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
+        row.value -= TAU * ((row.value - nominal) / TAU).round();
+    }
+    let slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);
+    let averaging = linearize::averaging(&mechanics, &path, &rows, &nominal);
+    if nominal.iter().chain(&averaging).any(|v| !v.is_finite()) {
+        return None;
+    }
+    let model = noise_model(plant, run, &path, &rows, slopes);
+    let beside = beside_reference(&path, &rows, &model);
+    let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
+    let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
+    Some(JointBlock::assembled(run, (path, loads, thrust, anchors), rows, model, shift))
+}
+
+/// Torque that the plant's joints are about: of inertia, gravity and friction, N m.
+fn torque_scale(plant: &Plant) -> Option<Vec<f64>> {
+    let model = plant.model().ok()?;
+    let mass = model.mass_matrix(&Coordinates::zeros());
+    let gravity = model.gravity_m_s2()[0].hypot(model.gravity_m_s2()[1]);
+    let reach = |from: usize, to: usize| {
+        let before: f64 = plant.links[from..to].iter().map(|l| l.length_m).sum();
+        before + (plant.links[to].length_m - plant.links[to].com_to_next_joint_m).abs()
+    };
+    let weight = |i: usize| {
+        let carried = (i..plant.links.len()).map(|j| plant.links[j].mass_kg * reach(i, j));
+        if plant.base.clamped { gravity * carried.sum::<f64>() } else { 0.0 }
+    };
+    let scale = |(i, link): (usize, &fss_plant::Link)| {
+        let friction = link.coulomb_friction_n_m + TYPICAL_RATE * link.viscous_friction_n_m_s_rad;
+        mass[(3 + i, 3 + i)] * TYPICAL_ACCELERATION + friction + weight(i)
+    };
+    Some(plant.links.iter().enumerate().map(scale).collect())
+}
+
+fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slopes: Vec<noise::Slopes>) -> NoiseModel {
+    let links = plant.link_count();
+    let has = |wanted: &dyn Fn(Kind) -> bool| rows.iter().any(|r| wanted(r.kind));
+    let moments: Vec<f64> = rows::moments(rows).iter().map(|m| rows[m.start].t_s).collect();
+    let activity = moments.iter().map(|t| (0..links).map(|i| activity(path, i, *t)).collect()).collect();
+    let reach_m: f64 = plant.links.iter().map(|l| l.length_m).sum::<f64>().max(1e-3);
+    NoiseModel {
+        links,
+        driven: rows::is_driven(run),
+        sensed: (0..links).map(|i| has(&|k| k == Kind::Torque(i))).collect(),
+        powered: (0..links).map(|i| has(&|k| k == Kind::Current(i) || k == Kind::Undriven(i))).collect(),
+        has_tip: has(&|k| matches!(k, Kind::Tip(_))),
+        reach_m,
+        slopes,
+        activity,
+        interval_s: median_interval(&moments),
+        any_acceleration: any_acceleration(path),
+    }
+}
+
+/// An acceleration that no error of the path is as large as, rad/s2: ten times the path's own.
+fn any_acceleration(path: &MeasuredPath) -> f64 {
+    let squares = path.joints.iter().flat_map(|track| path.grid_s().map(|t| track.at(t)[2].powi(2)));
+    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    10.0 * (sum / f64::max(count, 1.0)).sqrt() + 1.0
+}
+
+fn median_interval(t_s: &[f64]) -> f64 {
+    let mut intervals: Vec<f64> = t_s.windows(2).map(|w| w[1] - w[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
+}
+
+/// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
+fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
+    const SAMPLES: i32 = 12;
+    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference[joint]);
+    let at = |k: i32| track.at(t_s + ACTIVITY_S * f64::from(k) / f64::from(SAMPLES))[2];
+    ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
+}
+
+/// What the rows read of the path beside the reference.
+fn beside_reference(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<f64> {
+    let deviation = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| path.deviation(j, row.t_s)).collect() };
+    let mut out: Vec<f64> = rows
+        .iter()
+        .zip(&model.slopes)
+        .map(|(row, slopes)| {
+            let deviation = deviation(row);
+            slopes.motion.iter().map(|(state, c)| c * deviation[*state]).sum()
+        })
+        .collect();
+    // The end-effector's rows are mixed in the slopes: back to plain ones.
+    for k in 0..rows.len() {
+        if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &model.slopes[k].mix) {
+            out[k] -= (0..axis).map(|c| mix[c] * out[k - axis + c]).sum::<f64>();
+        }
+    }
+    out
+}
+
+impl JointBlock {
+    fn assembled(
+        run: &Run,
+        (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
+        rows: Vec<Row>,
+        model: NoiseModel,
+        shift: Vec<f64>,
+    ) -> Self {
+        let mut channels: Vec<String> = Vec::new();
+        let mut channel_of_row = Vec::with_capacity(rows.len());
+        for row in &rows {
+            let name = row.kind.channel();
+            let at = channels.iter().position(|c| *c == name).unwrap_or_else(|| {
+                channels.push(name);
+                channels.len() - 1
+            });
+            channel_of_row.push(at);
+        }
+        let hyper = hyper_parameters(model.driven);
+        let measured = rows.iter().map(|r| r.value).collect();
+        let (time_of_row, noise_of_row) =
+            (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
+        let run = Run { name: run.name.clone(), valves: run.valves.clone(), ..Run::default() };
+        Self {
+            run,
+            path,
+            loads,
+            thrust,
+            rows,
+            model,
+            anchors,
+            shift,
+            hyper,
+            measured,
+            channel_of_row,
+            channels,
+            time_of_row,
+            noise_of_row,
+        }
+    }
+
+    /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
+    fn mix(&self, columns: &mut Columns) {
+        for (k, row) in self.rows.iter().enumerate().rev() {
+            let (Kind::Tip(axis), Some((mix, _))) = (row.kind, &self.model.slopes[k].mix) else { continue };
+            for c in 0..axis {
+                let other = columns.row(k - axis + c).to_vec();
+                columns.row_mut(k).iter_mut().zip(other).for_each(|(v, o)| *v += mix[c] * o);
+            }
+        }
+    }
+
+    /// Joint that each row belongs to, counted from 0; `None` for the end-effector's.
+    pub fn joint_of_row(&self) -> Vec<Option<usize>> {
+        self.rows.iter().map(|r| r.kind.joint()).collect()
+    }
+}
+
+impl Block for JointBlock {
+    fn measured(&self) -> &[f64] {
+        &self.measured
+    }
+
+    fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
+        let parts = (&self.run, &self.path, &self.loads);
+        let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
+        let mut out = match &self.anchors {
+            Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
+            None => linearize::predict(&mechanics, &self.path, &self.rows),
+        };
+        out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
+        Ok(out)
+    }
+
+    fn hyper_parameters(&self) -> &[HyperParameter] {
+        &self.hyper
+    }
+
+    fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
+        let hyper = Hyper::new(hyper, self.model.driven);
+        self.mix(columns);
+        self.model.state_space(&self.rows, &hyper).whiten(columns)
+    }
+
+    fn channel_of_row(&self) -> &[usize] {
+        &self.channel_of_row
+    }
+
+    fn channels(&self) -> &[String] {
+        &self.channels
+    }
+
+    fn time_of_row(&self) -> &[f64] {
+        &self.time_of_row
+    }
+
+    fn noise_of_row(&self) -> &[f64] {
+        &self.noise_of_row
+    }
+}

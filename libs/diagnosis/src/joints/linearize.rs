@@ -1,0 +1,312 @@
+//! What the rows would have read along the measured path, and how they depend on the motion beside it.
+
+use super::mechanics::{ArmState, Mechanics, direction};
+use super::noise::Slopes;
+use super::path::MeasuredPath;
+use super::rows::{Kind, Row, moments};
+use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
+use fss_plant::Plant;
+use nalgebra::{Matrix3, SMatrix};
+
+/// Step of central differences of torques by angles and rates, rad and rad/s: torques are polynomials of rates and
+/// sines of angles.
+const DIFFERENCE: f64 = 1e-4;
+
+/// Readings of all joints at one time: currents where there is one, and torques.
+struct Drives {
+    stamp_s: f64,
+    current_a: JointVector,
+    torque_n_m: JointVector,
+    motor_n_m: JointVector,
+}
+
+/// Readings at the stamp `stamp_s`.
+fn drives(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64) -> Drives {
+    let zero = JointVector::zeros();
+    let mut out = Drives { stamp_s, current_a: zero, torque_n_m: zero, motor_n_m: zero };
+    let mut known: Option<(f64, ArmState, JointVector)> = None;
+    for i in 0..path.joints.len() {
+        let t_s = stamp_s - mechanics.physics(stamp_s).sensors.link_age_s(i);
+        if known.as_ref().is_none_or(|k| k.0 != t_s) {
+            let (arm, base) = (mechanics.arm(t_s), mechanics.base(t_s));
+            known = Some((t_s, arm, mechanics.torques(t_s, &base, &arm, true)));
+        }
+        let Some((_, arm, torques)) = &known else { continue };
+        let motor = mechanics.motor_torque(t_s, i, torques[i], arm, path.rate_sd(i, stamp_s));
+        out.motor_n_m[i] = motor;
+        out.current_a[i] = mechanics.current(t_s, i, motor);
+        out.torque_n_m[i] = mechanics.physics(t_s).joints[i].torque_reading(torques[i]);
+    }
+    out
+}
+
+/// What rows of these kinds read at one time.
+fn readings(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64, kinds: &[Kind]) -> Vec<f64> {
+    let mut known: Option<Drives> = None;
+    let mut tip = None;
+    let mut reading = |kind: &Kind| match *kind {
+        Kind::Angle(i) => path.joints[i].at(stamp_s)[0],
+        Kind::Rate(i) => path.joints[i].at(stamp_s)[1],
+        Kind::Tip(axis) => tip.get_or_insert_with(|| mechanics.end_effector(stamp_s))[axis],
+        Kind::Current(i) | Kind::Torque(i) | Kind::Undriven(i) => {
+            let drives = known.get_or_insert_with(|| drives(mechanics, path, stamp_s));
+            debug_assert!(drives.stamp_s == stamp_s);
+            match kind {
+                Kind::Current(_) => drives.current_a[i],
+                Kind::Torque(_) => drives.torque_n_m[i],
+                _ => drives.motor_n_m[i],
+            }
+        }
+    };
+    kinds.iter().map(&mut reading).collect()
+}
+
+/// What drives' rows of one moment read where the motion follows from the torques: what the nominal plant reads of the path,
+/// and the difference in motion that the plant makes of the same torques, as the torque that the nominal plant would need for
+/// it. So a plant cannot explain a residual of torques by making all torques small.
+fn driven(mechanics: &Mechanics, anchor: &Anchor, path: &MeasuredPath, rows: &[Row]) -> JointVector {
+    let stamp_s = rows[0].t_s;
+    let links = path.joints.len();
+    let t_s = stamp_s - mechanics.physics(stamp_s).sensors.link_age_s(0);
+    let arm = mechanics.arm(t_s);
+    let sd: Vec<f64> = (0..links).map(|i| path.rate_sd(i, stamp_s)).collect();
+    let mut motor = JointVector::zeros();
+    for row in rows {
+        if let Kind::Current(i) = row.kind {
+            motor[i] = mechanics.given(t_s, i, row.value);
+        }
+    }
+    let moved = mechanics.accelerations(t_s, &arm, &motor, &sd);
+    let difference = moved - anchor.acceleration;
+    -(anchor.inertia * difference)
+}
+
+/// What the nominal plant makes of the torques at one moment.
+#[derive(Clone, Debug)]
+pub(super) struct Anchor {
+    /// Readings of the moment's rows.
+    reading: Vec<f64>,
+    /// Accelerations of the encoders, rad/s2, and the torques that it takes to change them, N m s2/rad.
+    acceleration: JointVector,
+    inertia: SMatrix<f64, MAX_LINKS, MAX_LINKS>,
+    /// Amperes or newton metres a newton metre.
+    unit: JointVector,
+}
+
+/// Anchors of all moments at which all joints' drives are known; `None` where torques are not.
+pub(super) fn anchors(
+    mechanics: &Mechanics,
+    path: &MeasuredPath,
+    rows: &[Row],
+    nominal: &[f64],
+) -> Vec<Option<Anchor>> {
+    let links = path.joints.len();
+    let anchor = |moment: std::ops::Range<usize>| {
+        let known =
+            |i: usize| rows[moment.clone()].iter().any(|r| r.kind == Kind::Current(i) || r.kind == Kind::Undriven(i));
+        if !(0..links).all(known) {
+            return None;
+        }
+        let t_s = rows[moment.start].t_s;
+        let columns = torque_slopes(mechanics, t_s, links);
+        let mut unit = JointVector::repeat(1.0);
+        for row in &rows[moment.clone()] {
+            if let Kind::Current(i) = row.kind {
+                unit[i] = mechanics.current(t_s, i, 1.0);
+            }
+        }
+        let mut out = Anchor {
+            reading: nominal[moment.clone()].to_vec(),
+            acceleration: JointVector::zeros(),
+            inertia: SMatrix::from_fn(|i, j| if i < links && j < links { columns[3 * j + 2][i] } else { 0.0 }),
+            unit,
+        };
+        out.acceleration = -pseudo_inverse_solved(mechanics, &out, path, &rows[moment]);
+        Some(out)
+    };
+    moments(rows).into_iter().map(anchor).collect()
+}
+
+/// Minus the nominal plant's accelerations.
+fn pseudo_inverse_solved(mechanics: &Mechanics, anchor: &Anchor, path: &MeasuredPath, rows: &[Row]) -> JointVector {
+    let unit = Anchor { inertia: SMatrix::identity(), ..anchor.clone() };
+    driven(mechanics, &unit, path, rows)
+}
+
+/// What all rows read at their times, where torques are known all the time.
+pub(super) fn predict_driven(
+    mechanics: &Mechanics,
+    path: &MeasuredPath,
+    rows: &[Row],
+    anchors: &[Option<Anchor>],
+) -> Vec<f64> {
+    let mut out = Vec::with_capacity(rows.len());
+    for (moment, anchor) in moments(rows).into_iter().zip(anchors) {
+        let own = &rows[moment.clone()];
+        let kinds: Vec<Kind> = own.iter().map(|r| r.kind).collect();
+        let Some(anchor) = anchor else {
+            out.extend(readings(mechanics, path, own[0].t_s, &kinds));
+            continue;
+        };
+        let missing = driven(mechanics, anchor, path, own);
+        let rest: Vec<Kind> = kinds.iter().copied().filter(|k| matches!(k, Kind::Torque(_) | Kind::Tip(_))).collect();
+        let mut rest = readings(mechanics, path, own[0].t_s, &rest).into_iter();
+        out.extend(kinds.iter().zip(&anchor.reading).map(|(kind, nominal)| match *kind {
+            Kind::Current(i) | Kind::Undriven(i) => nominal + anchor.unit[i] * missing[i],
+            Kind::Torque(_) | Kind::Tip(_) => rest.next().unwrap_or(*nominal),
+            Kind::Angle(_) | Kind::Rate(_) => *nominal,
+        }));
+    }
+    out
+}
+
+/// What all rows read at their times.
+pub(super) fn predict(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(rows.len());
+    for moment in moments(rows) {
+        let kinds: Vec<Kind> = rows[moment.clone()].iter().map(|r| r.kind).collect();
+        out.extend(readings(mechanics, path, rows[moment.start].t_s, &kinds));
+    }
+    out
+}
+
+/// How much the mean over each row's samples differs from the reading at the row's time, along the path.
+pub(super) fn averaging(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], at_middle: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; rows.len()];
+    for moment in moments(rows) {
+        let mut from = moment.start;
+        while from < moment.end {
+            // Rows of the same samples are read together.
+            let stamps = &rows[from].stamps_s;
+            let to = (from..moment.end).find(|k| rows[*k].stamps_s != *stamps).unwrap_or(moment.end);
+            let kinds: Vec<Kind> = rows[from..to].iter().map(|r| r.kind).collect();
+            if stamps.len() > 1 || stamps.first() != Some(&rows[from].t_s) {
+                for stamp_s in stamps {
+                    let now = readings(mechanics, path, *stamp_s, &kinds);
+                    (from..to).for_each(|k| out[k] += (now[k - from] - at_middle[k]) / stamps.len() as f64);
+                }
+            }
+            from = to;
+        }
+    }
+    out
+}
+
+/// How each row depends on the motion beside the path, under the nominal plant.
+pub(super) fn slopes(
+    plant: &Plant,
+    mechanics: &Mechanics,
+    path: &MeasuredPath,
+    rows: &[Row],
+    scale: &[f64],
+) -> Vec<Slopes> {
+    let links = path.joints.len();
+    let mut out = Vec::with_capacity(rows.len());
+    for moment in moments(rows) {
+        let t_s = rows[moment.start].t_s;
+        let mut by_motion: Option<Vec<JointVector>> = None;
+        for k in moment.clone() {
+            let row = &rows[k];
+            let mut own = Slopes::default();
+            match row.kind {
+                Kind::Angle(i) => own.motion.push((3 * i, 1.0)),
+                Kind::Rate(i) => own.motion.push((3 * i + 1, 1.0)),
+                Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) => {
+                    let columns = by_motion.get_or_insert_with(|| torque_slopes(mechanics, t_s, links));
+                    let unit = if let Kind::Current(_) = row.kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };
+                    own.torque = unit * scale[i];
+                    own.motion = columns.iter().enumerate().map(|(state, c)| (state, unit * c[i])).collect();
+                    if !matches!(row.kind, Kind::Torque(_)) {
+                        let friction = mechanics.physics(t_s).joints[i].friction;
+                        own.motion[3 * i + 1].1 += unit * friction.viscous_n_m_s_rad;
+                        let sense = direction(path.joints[i].at(t_s)[1], path.rate_sd(i, t_s));
+                        own.friction_variance = (unit * friction.breakaway_n_m()).powi(2) * (1.0 - sense * sense);
+                    }
+                }
+                Kind::Tip(axis) => own.motion = tip_slopes(mechanics, t_s, links, axis),
+            }
+            out.push(own);
+        }
+    }
+    one_stiction_a_rest(rows, &mut out, plant, path);
+    mix_tips(plant, rows, &mut out);
+    out
+}
+
+/// Torques by angle, rate and acceleration of each joint.
+fn torque_slopes(mechanics: &Mechanics, t_s: f64, links: usize) -> Vec<JointVector> {
+    let (arm, base) = (mechanics.arm(t_s), mechanics.base(t_s));
+    let moved = |joint: usize, derivative: usize, by: f64| {
+        let mut arm = arm;
+        match derivative {
+            0 => arm.q_rad[joint] += by,
+            1 => arm.qd_rad_s[joint] += by,
+            _ => arm.qdd_rad_s2[joint] += by,
+        }
+        mechanics.torques(t_s, &base, &arm, true)
+    };
+    let slope = |state: usize| {
+        let (joint, derivative) = (state / 3, state % 3);
+        // Accelerations act linearly.
+        let by = if derivative == 2 { 1.0 } else { DIFFERENCE };
+        (moved(joint, derivative, by) - moved(joint, derivative, -by)) / (2.0 * by)
+    };
+    (0..3 * links).map(slope).collect()
+}
+
+/// The end-effector's place in the base's frame by the joints' angles.
+fn tip_slopes(mechanics: &Mechanics, t_s: f64, links: usize, axis: usize) -> Vec<(usize, f64)> {
+    let mut q = Coordinates::zeros();
+    q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&mechanics.arm(t_s).q_rad);
+    let jacobian = mechanics.model(t_s).jacobian(&q);
+    (0..links).map(|j| (3 * j, jacobian[(axis, 3 + j)])).collect()
+}
+
+/// A joint at rest has one static friction, however often it is looked at: all rows of a rest together say as much as one.
+fn one_stiction_a_rest(rows: &[Row], slopes: &mut [Slopes], plant: &Plant, path: &MeasuredPath) {
+    for joint in 0..plant.link_count() {
+        let is_drive = |k: &usize| matches!(rows[*k].kind, Kind::Current(i) | Kind::Undriven(i) if i == joint);
+        let own: Vec<usize> = (0..rows.len()).filter(is_drive).collect();
+        let rests = |k: usize| {
+            let t_s = rows[k].t_s;
+            1.0 - direction(path.joints[joint].at(t_s)[1], path.rate_sd(joint, t_s)).powi(2)
+        };
+        let share: Vec<f64> = own.iter().map(|k| rests(*k)).collect();
+        let mut from = 0;
+        while from < own.len() {
+            let to = (from..own.len()).find(|k| share[*k] < 0.5).unwrap_or(own.len());
+            let together: f64 = share[from..to].iter().sum::<f64>().max(1.0);
+            own[from..to].iter().for_each(|k| slopes[*k].friction_variance *= together);
+            from = to.max(from + 1);
+        }
+    }
+}
+
+/// Makes the noises of the three rows of an end-effector's pose independent: the base's heading error is in all of them.
+fn mix_tips(plant: &Plant, rows: &[Row], slopes: &mut [Slopes]) {
+    let sensors = &plant.sensors;
+    let floats = !plant.base.clamped;
+    for first in (0..rows.len()).filter(|k| rows[*k].kind == Kind::Tip(0)) {
+        if rows.get(first + 2).is_none_or(|r| r.kind != Kind::Tip(2)) {
+            continue;
+        }
+        let count = rows[first].stamps_s.len() as f64;
+        let (place, angle) = (sensors.mocap_position_m.powi(2), sensors.mocap_angle_rad.powi(2));
+        let mut noise = Matrix3::from_diagonal(&[place, place, angle].into());
+        if floats {
+            let lever = nalgebra::Vector3::new(rows[first + 1].value, -rows[first].value, -1.0);
+            noise += Matrix3::from_diagonal(&[place, place, 0.0].into()) + angle * lever * lever.transpose();
+        }
+        noise /= count;
+        let Some(factor) = noise.cholesky().map(|c| c.l()) else { continue };
+        let sd: [f64; 3] = std::array::from_fn(|i| factor[(i, i)]);
+        let unit = Matrix3::from_fn(|i, j| factor[(i, j)] / sd[j]);
+        let Some(inverse) = unit.try_inverse() else { continue };
+        let plain: Vec<Vec<(usize, f64)>> = (first..first + 3).map(|k| slopes[k].motion.clone()).collect();
+        for i in 0..3 {
+            let mixed = |state: usize| (0..=i).map(|c| inverse[(i, c)] * plain[c][state].1).sum::<f64>();
+            slopes[first + i].motion = (0..plain[i].len()).map(|s| (plain[i][s].0, mixed(s))).collect();
+            slopes[first + i].mix = Some((std::array::from_fn(|c| inverse[(i, c)]), sd[i]));
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! The state-space model of what the joints' channels have in common beside the prediction.
+//!
+//! States: each joint's angle, rate and acceleration beside the reference; a torque of unit variance on each link and one in
+//! each drive; three of unit variance that displace the end-effector. The motion of an arm that follows commands is smooth
+//! (acceleration of inferred strength); that of an arm whose torques are known all the time is anything, and its torques tell
+//! what it is.
+
+use super::hyper::Hyper;
+use super::process::{Step3, constant_between, singer};
+use super::rows::{Kind, Row};
+use fss_estimation::{Measurement, StateSpace, Step};
+
+/// Standard deviations at the first row, much more than anything: rad, rad/s.
+const START_SD: [f64; 2] = [10.0, 30.0];
+/// Pauses so many times longer than other intervals say nothing of a swinging arm's motion.
+const PAUSE: f64 = 2.5;
+/// Where no sensor has noise: share of the torque scale that a free joint's bearing is known to leave, for numerics.
+const LEAST_TORQUE: f64 = 1e-6;
+
+/// What a row depends on, linearized about the path.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Slopes {
+    /// By the states of the motion: index 3 joint + (angle, rate, acceleration).
+    pub(super) motion: Vec<(usize, f64)>,
+    /// By the torque in the row's joint: N m of the torque scale in units of the row.
+    pub(super) torque: f64,
+    /// Variance that dry friction of an unknown direction gives the row.
+    pub(super) friction_variance: f64,
+    /// Of an end-effector's row: shares of x, y and angle in it that make its noise independent of the rows before it, and
+    /// the standard deviation of what is left.
+    pub(super) mix: Option<([f64; 3], f64)>,
+}
+
+/// The model of a run's rows, but for its hyper-parameters.
+#[derive(Clone, Debug)]
+pub(super) struct NoiseModel {
+    pub(super) links: usize,
+    pub(super) driven: bool,
+    /// Which joints have a torque sensor, which a known motor torque.
+    pub(super) sensed: Vec<bool>,
+    pub(super) powered: Vec<bool>,
+    pub(super) has_tip: bool,
+    /// Length by which an error of the end-effector's place becomes one of its angle, m.
+    pub(super) reach_m: f64,
+    /// Rows in order of time and what each depends on.
+    pub(super) slopes: Vec<Slopes>,
+    /// Commanded acceleration of each joint before each moment, root mean square over some tenths of a second, rad/s2.
+    pub(super) activity: Vec<Vec<f64>>,
+    /// Standard deviation of a swinging arm's acceleration beside the path's before its torques are told, rad/s2.
+    pub(super) any_acceleration: f64,
+    /// Usual interval between telemetry rows, s.
+    pub(super) interval_s: f64,
+}
+
+/// Places of the states.
+struct Places {
+    link: Vec<Option<usize>>,
+    drive: Vec<Option<usize>>,
+    tip: Option<usize>,
+    count: usize,
+}
+
+impl NoiseModel {
+    fn places(&self) -> Places {
+        let mut count = 3 * self.links;
+        let mut next = |present: bool| {
+            let place = present.then_some(count);
+            count += usize::from(present);
+            place
+        };
+        let link = self.sensed.iter().map(|s| next(*s)).collect();
+        let drive = self.powered.iter().map(|p| next(*p)).collect();
+        let tip = next(self.has_tip);
+        let count = if self.has_tip { count + 2 } else { count };
+        Places { link, drive, tip, count }
+    }
+
+    /// The model with these hyper-parameters, of rows whose end-effector's are mixed ([`Slopes::mix`]).
+    pub(super) fn state_space(&self, rows: &[Row], hyper: &Hyper) -> StateSpace {
+        let places = self.places();
+        let n = places.count;
+        let mut initial = vec![0.0; n * n];
+        for j in 0..self.links {
+            initial[3 * j * (n + 1)] = START_SD[0] * START_SD[0];
+            initial[(3 * j + 1) * (n + 1)] = START_SD[1] * START_SD[1];
+            initial[(3 * j + 2) * (n + 1)] = self.acceleration_variance(0, j, hyper);
+        }
+        (3 * self.links..n).for_each(|i| initial[i * (n + 1)] = 1.0);
+        let mut out =
+            StateSpace { states: n, initial, steps: Vec::new(), measurements: Vec::with_capacity(rows.len()) };
+        let (mut last_s, mut moment) = (f64::NAN, 0);
+        for (k, row) in rows.iter().enumerate() {
+            let step = (k > 0 && row.t_s > last_s).then(|| {
+                moment += 1;
+                out.steps.push(self.step(row.t_s - last_s, moment, hyper, &out.initial, &places));
+                out.steps.len() - 1
+            });
+            last_s = row.t_s;
+            out.measurements.push(self.measurement(row, k, step, hyper, &places));
+        }
+        out
+    }
+
+    fn acceleration_variance(&self, moment: usize, joint: usize, hyper: &Hyper) -> f64 {
+        if self.driven {
+            return self.any_acceleration * self.any_acceleration;
+        }
+        let activity = self.activity.get(moment).map_or(0.0, |a| a[joint]);
+        hyper.acceleration[0].powi(2) + (hyper.acceleration[1] * activity).powi(2)
+    }
+
+    fn step(&self, dt_s: f64, moment: usize, hyper: &Hyper, initial: &[f64], places: &Places) -> Step {
+        let n = places.count;
+        let (mut transition, mut noise) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let paused = self.driven && dt_s > PAUSE * self.interval_s;
+        let followed = if self.driven { None } else { Some(singer(dt_s, hyper.acceleration_s)) };
+        for j in 0..self.links {
+            let variance = self.acceleration_variance(moment, j, hyper);
+            if paused {
+                (0..3).for_each(|i| noise[(3 * j + i) * (n + 1)] = initial[(3 * j + i) * (n + 1)]);
+                continue;
+            }
+            let (f, q): Step3 = match followed {
+                Some((f, q)) => (f, q.map(|row| row.map(|v| v * variance))),
+                None => constant_between(dt_s, variance),
+            };
+            for a in 0..3 {
+                for b in 0..3 {
+                    transition[(3 * j + a) * n + 3 * j + b] = f[a][b];
+                    noise[(3 * j + a) * n + 3 * j + b] = q[a][b];
+                }
+            }
+        }
+        let kept = (-dt_s / hyper.torque_s).exp();
+        for i in 3 * self.links..n {
+            transition[i * (n + 1)] = kept;
+            noise[i * (n + 1)] = -(-2.0 * dt_s / hyper.torque_s).exp_m1();
+        }
+        Step { transition, noise }
+    }
+
+    fn measurement(&self, row: &Row, k: usize, step: Option<usize>, hyper: &Hyper, places: &Places) -> Measurement {
+        let slopes = &self.slopes[k];
+        let mut states = slopes.motion.clone();
+        let (noise, torque) = (row.noise, slopes.torque);
+        let variance = match row.kind {
+            Kind::Angle(_) => (noise * hyper.noise[0]).powi(2),
+            Kind::Rate(_) => (noise * hyper.noise[1]).powi(2),
+            Kind::Torque(i) => {
+                states.extend(places.link[i].map(|place| (place, torque * hyper.link)));
+                (noise * hyper.noise[3]).powi(2) + self.white(torque, hyper)
+            }
+            Kind::Current(i) | Kind::Undriven(i) => {
+                states.extend(places.link[i].map(|place| (place, torque * hyper.link)));
+                states.extend(places.drive[i].map(|place| (place, torque * hyper.drive)));
+                let least = (torque * LEAST_TORQUE).powi(2);
+                (noise * hyper.noise[2]).powi(2) + self.white(torque, hyper) + slopes.friction_variance + least
+            }
+            Kind::Tip(axis) => {
+                let (mix, own) = slopes.mix.unwrap_or((std::array::from_fn(|c| f64::from(u8::from(c == axis))), noise));
+                let units = [hyper.tip_m, hyper.tip_m, hyper.tip_m / self.reach_m];
+                let displaced = (0..=axis).filter_map(|c| Some((places.tip? + c, mix[c] * units[c])));
+                states.extend(displaced.filter(|(_, v)| *v != 0.0));
+                (own * hyper.noise[4]).powi(2)
+            }
+        };
+        Measurement { step, states, variance: variance.max(f64::MIN_POSITIVE) }
+    }
+
+    /// Variance of white torque over the interval of a row.
+    fn white(&self, torque: f64, hyper: &Hyper) -> f64 {
+        if self.driven { (torque * hyper.white).powi(2) / self.interval_s } else { 0.0 }
+    }
+}

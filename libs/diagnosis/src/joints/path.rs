@@ -1,0 +1,247 @@
+//! The measured path: what encoders and motion capture said, as functions of time.
+
+use super::smoother::{Reading, smooth};
+use super::track::Track;
+use fss_identify::measured::{Joints, Many, Run};
+use fss_plant::Sensors;
+use std::f64::consts::{PI, TAU};
+
+/// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.
+const NODE_S: f64 = 0.005;
+/// Telemetry closer than this is averaged before it is smoothed, s; motion capture closer than four times this.
+const MERGE_S: f64 = 0.005;
+/// Where noise is not stated: of a converter of 20 bits a turn and its difference, rad and rad/s.
+const LEAST_ANGLE_SD: f64 = 6e-6;
+const LEAST_RATE_SD: f64 = 6e-5;
+
+/// What the sensors said of the motion.
+#[derive(Clone, Debug)]
+pub(super) struct MeasuredPath {
+    /// Encoder readings of each joint over time of their stamps.
+    pub(super) joints: Vec<Track>,
+    /// Standard deviation of each smoothed encoder rate at the nodes, rad/s.
+    rate_sd: Vec<Vec<f64>>,
+    /// What each joint's encoder was to show, its mean lag behind the command taken off; `None` without commands.
+    pub(super) reference: Option<Vec<Track>>,
+    /// Motion capture of the base: x m, y m, theta rad; `None` where nothing was measured.
+    pub(super) base: Option<[Track; 3]>,
+    start_s: f64,
+    nodes: usize,
+}
+
+impl MeasuredPath {
+    /// The path of `links` joints; `None` where not every joint has an angle or a rate.
+    pub(super) fn new(run: &Run, links: usize, sensors: &Sensors) -> Option<Self> {
+        let joints = run.joints.as_ref()?;
+        let (start_s, end_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
+        if !(end_s > start_s) || links == 0 {
+            return None;
+        }
+        let nodes = ((end_s - start_s) / NODE_S).ceil() as usize + 1;
+        let grid_s: Vec<f64> = (0..nodes).map(|k| start_s + NODE_S * k as f64).collect();
+        let readings: Vec<Vec<Reading>> = (0..links).map(|i| readings(joints, i, sensors)).collect();
+        if readings.iter().any(Vec::is_empty) {
+            return None;
+        }
+        let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
+        let reference: Option<Vec<Track>> = command.map(|command| {
+            let follow = |i: usize| followed(command, i, &readings[i], &grid_s);
+            (0..links).map(|i| Track::new(start_s, NODE_S, follow(i))).collect()
+        });
+        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
+        for (i, own) in readings.iter().enumerate() {
+            path.add_joint(i, own, &grid_s);
+        }
+        path.base = base_track(run, sensors, &grid_s);
+        Some(path)
+    }
+
+    fn add_joint(&mut self, joint: usize, readings: &[Reading], grid_s: &[f64]) {
+        let reference = self.reference.as_ref().map(|r| &r[joint]);
+        let at = |t: f64| reference.map_or([0.0; 3], |track| track.at(t));
+        let deviations: Vec<Reading> = readings
+            .iter()
+            .map(|r| {
+                let [q, qd, _] = at(r.t_s);
+                Reading { angle: r.angle.map(|(v, n)| (v - q, n)), rate: r.rate.map(|(v, n)| (v - qd, n)), ..*r }
+            })
+            .collect();
+        let smoothed = smooth(&deviations, grid_s);
+        let sum = |(t, s): (&f64, &super::smoother::Smoothed)| {
+            let expected = at(*t);
+            std::array::from_fn(|i| expected[i] + s.value[i])
+        };
+        let nodes = grid_s.iter().zip(&smoothed).map(sum).collect();
+        self.joints.push(Track::new(self.start_s, NODE_S, nodes));
+        self.rate_sd.push(smoothed.iter().map(|s| s.rate_sd).collect());
+    }
+
+    /// Times of the nodes, s.
+    pub(super) fn grid_s(&self) -> impl Iterator<Item = f64> + use<> {
+        let start_s = self.start_s;
+        (0..self.nodes).map(move |k| start_s + NODE_S * k as f64)
+    }
+
+    /// A track on the nodes of this path.
+    pub(super) fn track(&self, nodes: Vec<[f64; 3]>) -> Track {
+        Track::new(self.start_s, NODE_S, nodes)
+    }
+
+    /// Spacing of the nodes, s.
+    pub(super) fn step_s(&self) -> f64 {
+        NODE_S
+    }
+
+    /// Standard deviation of a joint's smoothed rate at `t_s`, rad/s.
+    pub(super) fn rate_sd(&self, joint: usize, t_s: f64) -> f64 {
+        let node = ((t_s - self.start_s) / NODE_S).round().max(0.0) as usize;
+        self.rate_sd[joint].get(node).or(self.rate_sd[joint].last()).copied().unwrap_or(0.0)
+    }
+
+    /// How far each joint's path is from its reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
+    pub(super) fn deviation(&self, joint: usize, t_s: f64) -> [f64; 3] {
+        let Some(reference) = &self.reference else { return [0.0; 3] };
+        let (path, reference) = (self.joints[joint].at(t_s), reference[joint].at(t_s));
+        std::array::from_fn(|i| path[i] - reference[i])
+    }
+}
+
+/// Angles without jumps of a turn.
+pub(super) fn unwrapped(values: &[f64]) -> Vec<f64> {
+    let (mut turns, mut last) = (0.0, f64::NAN);
+    values
+        .iter()
+        .map(|v| {
+            if (v - last).abs() > PI {
+                turns -= TAU * ((v - last) / TAU).round();
+            }
+            if v.is_finite() {
+                last = *v;
+            }
+            v + turns
+        })
+        .collect()
+}
+
+/// Groups of rows closer together than `width_s`: each from a row to before another.
+pub(super) fn groups(t_s: &[f64], width_s: f64) -> Vec<std::ops::Range<usize>> {
+    let mut out = Vec::new();
+    let mut from = 0;
+    for k in 1..=t_s.len() {
+        // A hundredth more forgives rounded stamps.
+        if k == t_s.len() || t_s[k] - t_s[from] > width_s * 0.99 {
+            out.push(from..k);
+            from = k;
+        }
+    }
+    out
+}
+
+fn readings(joints: &Joints, joint: usize, sensors: &Sensors) -> Vec<Reading> {
+    let angle = joints.q_rad.get(joint).map(|q| unwrapped(q));
+    let rate = joints.qd_rad_s.get(joint);
+    let angle_variance = sensors.encoder_rad.max(LEAST_ANGLE_SD).powi(2);
+    let rate_variance = sensors.encoder_rate_rad_s.max(LEAST_RATE_SD).powi(2);
+    let merged = |rows: std::ops::Range<usize>| Reading {
+        t_s: mean(&joints.t_s, &rows).map_or(joints.t_s[rows.start], |m| m.0),
+        angle: angle.as_ref().and_then(|q| mean(q, &rows)).map(|(v, n)| (v, angle_variance / n)),
+        rate: rate.and_then(|qd| mean(qd, &rows)).map(|(v, n)| (v, rate_variance / n)),
+    };
+    let all = groups(&joints.t_s, MERGE_S).into_iter().map(merged);
+    all.filter(|r| r.angle.is_some() || r.rate.is_some()).collect()
+}
+
+/// Mean of the numbers among some rows, and how many they are.
+pub(super) fn mean(values: &[f64], rows: &std::ops::Range<usize>) -> Option<(f64, f64)> {
+    let within = values.get(rows.start..rows.end.min(values.len()))?;
+    let known = within.iter().filter(|v| v.is_finite());
+    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    (count > 0.0).then_some((sum / count, count))
+}
+
+/// What a servo makes of its command on the whole: the command and, by least squares over the run, shares of its first two
+/// derivatives (its lag).
+fn followed(command: &Many, joint: usize, readings: &[Reading], grid_s: &[f64]) -> Vec<[f64; 3]> {
+    let nodes: Vec<[f64; 3]> = grid_s.iter().map(|t| commanded(command, joint, *t)).collect();
+    let (Some(start), true) = (grid_s.first(), grid_s.len() > 1) else { return nodes };
+    let third: Vec<f64> = derivative(&nodes.iter().map(|n| n[2]).collect::<Vec<_>>());
+    let track = Track::new(*start, NODE_S, nodes.clone());
+    let (mut a, mut b, mut c, mut u, mut v) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for reading in readings {
+        let Some((angle, _)) = reading.angle else { continue };
+        let [q, qd, qdd] = track.at(reading.t_s);
+        (a, b, c) = (a + qd * qd, b + qd * qdd, c + qdd * qdd);
+        (u, v) = (u + qd * (angle - q), v + qdd * (angle - q));
+    }
+    // A command that rests says nothing of the lag: (1 mrad/s)2 and (10 mrad/s2)2 a reading keep it at none.
+    (a, c) = (a + 1e-6 * readings.len() as f64, c + 1e-4 * readings.len() as f64);
+    let determinant = a * c - b * b;
+    let (first, second) = ((c * u - b * v) / determinant, (a * v - b * u) / determinant);
+    let fourth = derivative(&third);
+    let lagged = |k: usize| {
+        let n = &nodes[k];
+        [
+            n[0] + first * n[1] + second * n[2],
+            n[1] + first * n[2] + second * third[k],
+            n[2] + first * third[k] + second * fourth[k],
+        ]
+    };
+    (0..nodes.len()).map(lagged).collect()
+}
+
+/// A joint's command at `t_s`; beyond its rows it goes on as it was.
+fn commanded(command: &Many, joint: usize, t_s: f64) -> [f64; 3] {
+    let (first, last) = (command.t_s[0], command.t_s[command.t_s.len() - 1]);
+    let within = t_s.clamp(first, last);
+    let or_zero = |value: Option<f64>| value.filter(|v| v.is_finite()).unwrap_or(0.0);
+    let rate = or_zero(command.rate_at(joint, within));
+    let angle = or_zero(command.at(joint, within)) + (t_s - within) * rate;
+    [angle, rate, if t_s == within { or_zero(command.acceleration_at(joint, within)) } else { 0.0 }]
+}
+
+/// Derivative on the nodes, over the time between two rows of a command so that their noise is not made large.
+fn derivative(values: &[f64]) -> Vec<f64> {
+    const REACH: usize = 10;
+    let n = values.len();
+    let at = |k: usize| {
+        let (from, to) = (k.saturating_sub(REACH), (k + REACH).min(n - 1));
+        if to > from { (values[to] - values[from]) / (NODE_S * (to - from) as f64) } else { 0.0 }
+    };
+    (0..n).map(at).collect()
+}
+
+fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]> {
+    let poses = run.base_pose.as_ref().filter(|p| p.t_s.len() > 1)?;
+    let rows = groups(&poses.t_s, 4.0 * MERGE_S);
+    let track = |axis: usize| {
+        let values: Vec<f64> = poses.values.iter().map(|v| v[axis]).collect();
+        let values = if axis == 2 { unwrapped(&values) } else { values };
+        let sd = if axis < 2 { sensors.mocap_position_m } else { sensors.mocap_angle_rad };
+        let reading = |rows: &std::ops::Range<usize>| {
+            let (value, count) = mean(&values, rows)?;
+            let t_s = mean(&poses.t_s, rows)?.0;
+            Some(Reading { t_s, angle: Some((value, sd.max(LEAST_ANGLE_SD).powi(2) / count)), rate: None })
+        };
+        let readings: Vec<Reading> = rows.iter().filter_map(reading).collect();
+        let nodes = smooth(&readings, grid_s).iter().map(|s| s.value).collect();
+        Track::new(grid_s.first().copied().unwrap_or(0.0), NODE_S, nodes)
+    };
+    Some([track(0), track(1), track(2)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_are_counted_and_gaps_bridged() {
+        let angles = unwrapped(&[3.0, f64::NAN, -3.1, -3.0, 3.1]);
+        assert!((angles[2] - (TAU - 3.1)).abs() < 1e-12 && (angles[4] - 3.1).abs() < 1e-12, "{angles:?}");
+    }
+
+    #[test]
+    fn close_rows_are_grouped() {
+        assert_eq!(groups(&[0.0, 0.001, 0.0049, 0.005, 0.2], 0.005), vec![0..3, 3..4, 4..5]);
+        assert!(groups(&[], 0.005).is_empty());
+    }
+}
