@@ -1,7 +1,7 @@
 //! The causes that a plant can have, each with the coordinates in which a prediction is linear and their priors.
 
 use fss_plant::effects::catalogue;
-use fss_plant::{Effect, EffectKind, Index, Place, Plant, Prior, Response, effects};
+use fss_plant::{Effect, EffectKind, Index, Plant, Prior, Response, effects};
 
 /// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
 const LAWS: [(&str, Period); 3] =
@@ -112,6 +112,10 @@ pub(crate) fn candidates(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
         all.extend(of(&Effect::of(*kind).nominal(plant), plant, " of all"));
     }
     all.extend(laws(plant, duration_s));
+    // What a clamped base lacks has no typical size.
+    let has_size =
+        |c: &Candidate| c.prior.response == Response::Discrete || c.prior.typical[..c.size].iter().all(|t| *t > 0.0);
+    all.retain(has_size);
     all
 }
 
@@ -159,9 +163,4 @@ fn laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
         }));
     }
     all
-}
-
-/// Whether an effect acts on what no thruster, joint or sensor does: laws and known effects alike.
-pub(crate) fn is_sensor(candidate: &Candidate) -> bool {
-    matches!(candidate.nominal.about().place, Place::Sensor | Place::Time)
 }

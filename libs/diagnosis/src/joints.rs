@@ -204,7 +204,7 @@ impl JointBlock {
         let measured = rows.iter().map(|r| r.value).collect();
         let (time_of_row, noise_of_row) =
             (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
-        let run = Run { name: run.name.clone(), valves: run.valves.clone(), ..Run::default() };
+        let run = Run { name: run.name.clone(), thrust_levels: run.thrust_levels.clone(), ..Run::default() };
         Self {
             run,
             path,

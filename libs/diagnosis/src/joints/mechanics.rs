@@ -71,7 +71,7 @@ impl ThrustSeries {
     fn new(rollout: &Rollout, run: &Run, path: &MeasuredPath) -> Self {
         let times: Vec<f64> = path.grid_s().collect();
         let [start_s, .., end_s] = times[..] else { return Self::default() };
-        if run.valves.is_empty() && rollout.physics(start_s).thrusters.iter().all(|t| t.leak_n == 0.0) {
+        if run.thrust_levels.is_empty() && rollout.physics(start_s).thrusters.iter().all(|t| t.leak_n == 0.0) {
             return Self::default();
         }
         let grid = Grid { start_s, step_s: THRUST_STEP_S, steps: ((end_s - start_s) / THRUST_STEP_S) as usize + 1 };
@@ -82,7 +82,7 @@ impl ThrustSeries {
             JointSample { q_rad: JointVector::from_fn(|i, _| angle(i)), qd_rad_s: JointVector::zeros() }
         };
         let joints: Vec<JointSample> = if plume { (0..=2 * grid.steps).map(sample).collect() } else { vec![] };
-        Self { start_s, values: rollout.thrust(&ValveHistory::new(run.valves.clone()), &grid, &joints).into() }
+        Self { start_s, values: rollout.thrust(&ValveHistory::new(run.thrust_levels.clone()), &grid, &joints).into() }
     }
 
     fn at(&self, t_s: f64) -> [f64; 3] {
