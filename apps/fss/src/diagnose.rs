@@ -9,7 +9,7 @@ mod summary;
 
 use crate::files::{TextFile, write};
 use clap::Args;
-use fss_identify::diagnosis::diagnose;
+use fss_diagnosis::diagnose;
 use fss_identify::measured::Run;
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,8 +22,8 @@ const EXTENDED: &str = "extended.toml";
 
 /// Find what the simulation of a plant gets wrong about measured runs: where, why, and what knowing it gains.
 ///
-/// Simulates the runs with the plant file, looks for the causes of what is wrong among the effects that a plant can have,
-/// and writes the extended plant, diagnosis.json and diagnosis.html to DIR.
+/// Predicts the runs along their measured paths, compares all sets of causes among the effects that a plant can have by their
+/// marginal likelihood, and writes the extended plant, diagnosis.json and diagnosis.html to DIR.
 #[derive(Args)]
 pub struct DiagnoseArgs {
     /// Measured runs: folders in the format fss-experiment/1, or logs of `fss run`.
@@ -61,7 +61,7 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
     std::fs::create_dir_all(&args.out)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot make {}", args.out.display()))?;
-    let term = if diagnosis.empirical.is_empty() {
+    let term = if diagnosis.laws.is_empty() {
         ""
     } else {
         "# No known effect explains the rest: what is called unmodelled is empirical, and acts only where the fitted runs were.\n"

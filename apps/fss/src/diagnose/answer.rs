@@ -1,7 +1,7 @@
 //! The answer for a machine, `fss-diagnosis/1`.
 
 use super::read::ONSET;
-use fss_identify::diagnosis::{Cause, Diagnosis};
+use fss_diagnosis::diagnosis::{Cause, Diagnosis};
 use fss_plant::Effect;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -17,31 +17,48 @@ pub struct Answer {
     /// What was left out of the records, and what is not as the plant file says of them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<String>,
-    /// Runs that were left out, because their commands are not those of their motion.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    input_mismatch: Vec<Mismatch>,
-    /// Fits that came nearest where nothing is asserted.
+    /// Probable causes that are not asserted.
     suspects: Vec<CauseAnswer>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    unexplained: Option<Unexplained>,
+    posterior: Posterior,
+    /// Strengths of the structured discrepancy.
+    discrepancy: Vec<DiscrepancyAnswer>,
     /// Laws in the extended model that are no known effect's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    empirical: Vec<Effect>,
+    laws: Vec<Effect>,
 }
 
 #[derive(Serialize)]
-struct Mismatch {
-    run: String,
-    why: String,
+struct Posterior {
+    /// Probability that no cause acts.
+    none: f64,
+    /// Share of its typical size by which a cause varies from run to run.
+    run_to_run: f64,
+    /// Inclusion probabilities.
+    inclusion: Vec<AlternativeAnswer>,
+}
+
+#[derive(Serialize)]
+struct DiscrepancyAnswer {
+    name: String,
+    inferred: f64,
+    expected: f64,
 }
 
 #[derive(Serialize)]
 struct CauseAnswer {
     #[serde(flatten)]
     named: Named,
+    /// That it, or what is equivalent to it, acts.
     probability: f64,
+    /// That it or any of its alternatives acts.
+    class_probability: f64,
     parameters: BTreeMap<&'static str, Parameter>,
     alternatives: Vec<AlternativeAnswer>,
+    /// What it adds to the logarithm of the predictive density of the validation runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    validation_nats: Option<f64>,
+    /// The same of each fitted run, predicted from the others.
+    left_out_nats: f64,
 }
 
 #[derive(Serialize)]
@@ -65,6 +82,8 @@ struct AlternativeAnswer {
     #[serde(flatten)]
     named: Named,
     probability: f64,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    equivalent: bool,
     parameters: BTreeMap<&'static str, Parameter>,
 }
 
@@ -82,20 +101,6 @@ struct Gain {
     ratio_before: f64,
     ratio_after: f64,
     noise_floor: f64,
-}
-
-#[derive(Serialize)]
-struct Unexplained {
-    mean_square: f64,
-    channel: Option<String>,
-    run: Option<String>,
-    depends_on: Vec<Dependence>,
-}
-
-#[derive(Serialize)]
-struct Dependence {
-    description: String,
-    share: f64,
 }
 
 impl Answer {
@@ -118,23 +123,27 @@ impl Answer {
             extended_model: extended.to_owned(),
             suspects: diagnosis.suspects.iter().map(cause).collect(),
             remarks: diagnosis.remarks.clone(),
-            input_mismatch: diagnosis
-                .input_mismatch
+            posterior: Posterior {
+                none: diagnosis.probability_of_none,
+                run_to_run: diagnosis.run_to_run,
+                inclusion: diagnosis.inclusion.iter().map(|(effect, p)| other(effect, *p, false)).collect(),
+            },
+            discrepancy: diagnosis
+                .discrepancy
                 .iter()
-                .map(|m| Mismatch { run: m.run.clone(), why: m.why.clone() })
+                .map(|d| DiscrepancyAnswer { name: d.name.clone(), inferred: d.inferred, expected: d.expected })
                 .collect(),
-            unexplained: diagnosis.unexplained.as_ref().map(|u| Unexplained {
-                mean_square: u.mean_square,
-                channel: u.worst.as_ref().map(|w| w.0.clone()),
-                run: u.worst.as_ref().map(|w| w.1.clone()),
-                depends_on: u
-                    .depends_on
-                    .iter()
-                    .map(|(description, share)| Dependence { description: description.clone(), share: *share })
-                    .collect(),
-            }),
-            empirical: diagnosis.empirical.clone(),
+            laws: diagnosis.laws.clone(),
         }
+    }
+}
+
+fn other(effect: &Effect, probability: f64, equivalent: bool) -> AlternativeAnswer {
+    AlternativeAnswer {
+        named: named(effect),
+        probability,
+        equivalent,
+        parameters: values(effect).map(without_std).chain(onset(effect)).collect(),
     }
 }
 
@@ -145,16 +154,11 @@ fn cause(cause: &Cause) -> CauseAnswer {
     CauseAnswer {
         named: named(&cause.effect),
         probability: cause.probability,
+        class_probability: cause.class_probability,
         parameters: values(&cause.effect).enumerate().map(parameter).chain(onset(&cause.effect)).collect(),
-        alternatives: cause
-            .alternatives
-            .iter()
-            .map(|a| AlternativeAnswer {
-                named: named(&a.effect),
-                probability: a.probability,
-                parameters: values(&a.effect).map(without_std).chain(onset(&a.effect)).collect(),
-            })
-            .collect(),
+        alternatives: cause.alternatives.iter().map(|a| other(&a.effect, a.probability, a.is_equivalent)).collect(),
+        validation_nats: cause.validation_nats,
+        left_out_nats: cause.left_out_nats,
     }
 }
 

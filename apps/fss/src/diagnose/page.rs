@@ -3,9 +3,8 @@
 use super::summary;
 use crate::drawing::page::{self, escape};
 use crate::drawing::strips::{Line, Strips};
-use fss_identify::diagnosis::Diagnosis;
+use fss_diagnosis::diagnosis::{ChannelMisfit, Diagnosis};
 use fss_identify::measured::Run;
-use fss_identify::misfit::ChannelMisfit;
 use std::fmt::Write;
 
 const WIDTH: f64 = 860.0;
@@ -15,22 +14,18 @@ const HEIGHT: f64 = 130.0;
 pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
     let mut html = page::head("fss diagnose", "Diagnosis");
     let _ = write!(html, "<p class=\"verdict\">{}</p>", escape(summary::headline(diagnosis)));
-    let mismatches = diagnosis.input_mismatch.iter().map(ToString::to_string);
-    for remark in diagnosis.remarks.iter().cloned().chain(mismatches) {
-        let _ = write!(html, "<p>{}</p>", escape(&remark));
+    for remark in &diagnosis.remarks {
+        let _ = write!(html, "<p>{}</p>", escape(remark));
     }
     causes(&mut html, diagnosis);
     gain(&mut html, diagnosis);
     html.push_str(
-        "<h2>Where the simulation is wrong</h2><p>RMS of measured less simulated over what noise alone would give, in \
-         windows with an initial state of their own, the plant's uncertain values settled. 1 is noise.</p>",
+        "<h2>Where the simulation is wrong</h2><p>RMS error of one-step predictions over what the stated noise alone would give, \
+         the plant's uncertain values at their posterior mean. 1 is noise.</p>",
     );
     table(&mut html, &diagnosis.before, &diagnosis.validation_before);
     unexplained(&mut html, diagnosis);
-    if !diagnosis.ranking.is_empty() {
-        html.push_str("<h2>What was considered</h2>");
-        ranking(&mut html, diagnosis);
-    }
+    considered(&mut html, diagnosis);
     let _ = write!(
         html,
         "<h2>Residuals before and after</h2><p>{} runs fitted. The band is two standard deviations of the noise.</p>",
@@ -48,7 +43,7 @@ pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
 
 /// What is asserted, and what is not.
 fn causes(html: &mut String, diagnosis: &Diagnosis) {
-    for (list, title) in [(&diagnosis.causes, "Causes"), (&diagnosis.suspects, "Came nearest, but not asserted")] {
+    for (list, title) in [(&diagnosis.causes, "Causes"), (&diagnosis.suspects, "Probable, but not asserted")] {
         if list.is_empty() {
             continue;
         }
@@ -78,10 +73,13 @@ fn causes(html: &mut String, diagnosis: &Diagnosis) {
                 }
                 html.push_str("</ul>");
             }
+            let validation =
+                cause.validation_nats.map_or_else(String::new, |n| format!(", of the validation runs by {n:.1}"));
             let _ = write!(
                 html,
-                "<p>Runs left out of the fit keep {:.0} % of its gain.</p>",
-                100.0 * cause.kept.clamp(0.0, 1.0)
+                "<p>It raises the logarithm of the predictive density of each fitted run, predicted from the others, by {:.1} nats \
+                 in all{validation}.</p>",
+                cause.left_out_nats
             );
         }
     }
@@ -131,85 +129,42 @@ fn gain(html: &mut String, diagnosis: &Diagnosis) {
     let _ = write!(html, "<path d=\"M{0:.1} 0V{height}\" stroke=\"#555\" stroke-dasharray=\"3 3\"/></g></svg>", x(1.0));
 }
 
-/// What is left, and the force that would close each window.
+/// Strengths of the structured discrepancy, and laws that are no known effect's.
 fn unexplained(html: &mut String, diagnosis: &Diagnosis) {
-    let Some(left) = &diagnosis.unexplained else { return };
-    let _ = write!(html, "<h2>Still unexplained</h2><p>{:.1} times the noise (mean square)", left.mean_square);
-    if let Some((channel, run, ratio)) = &left.worst {
-        let _ = write!(html, "; most in {} of {}, {ratio:.1} times its noise", escape(channel), escape(run));
-    }
-    html.push_str(".</p><ul>");
-    for (what, share) in &left.depends_on {
-        let _ = write!(html, "<li>It depends on {}; that would explain {:.0} %.</li>", escape(what), 100.0 * share);
-    }
-    html.push_str("</ul>");
-    if !diagnosis.empirical.is_empty() {
-        html.push_str(
-            "<p>The extended model has an empirical term: it names no cause, but predicts the validation runs better. \
-             It acts only where the fitted runs were.</p><ul>",
+    html.push_str(
+        "<h2>Structured discrepancy</h2><p>Forces and torques beside the model that the data need, as inferred, and as the plant \
+         file states them or a good laboratory has them.</p><table><tr><th></th><th>inferred</th><th>expected</th></tr>",
+    );
+    for d in &diagnosis.discrepancy {
+        let class = if d.inferred > d.expected { "far" } else { "near" };
+        let _ = write!(
+            html,
+            "<tr><td>{}</td><td class=\"{class}\">{:.2e}</td><td>{:.2e}</td></tr>",
+            escape(&d.name),
+            d.inferred,
+            d.expected
         );
-        for law in &diagnosis.empirical {
+    }
+    html.push_str("</table>");
+    if !diagnosis.laws.is_empty() {
+        html.push_str("<p>The extended model has laws that are no known effect's:</p><ul>");
+        for law in &diagnosis.laws {
             let _ = write!(html, "<li>{}</li>", escape(&law.to_string()));
         }
         html.push_str("</ul>");
     }
-    for (i, name) in ["force along x, N", "force along y, N", "torque, N m"].iter().enumerate() {
-        if left.closing.is_empty() {
-            break;
-        }
-        let values: Vec<f64> = left.closing.iter().map(|c| c.2[i]).collect();
-        let top = values.iter().fold(1e-12_f64, |m, v| m.max(v.abs()));
-        let width = (WIDTH - 70.0) / values.len() as f64;
-        let _ = write!(
-            html,
-            "<h3>Closing {name}, window by window</h3><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"100%\" role=\"img\">\
-             <path d=\"M60 {0:.1}H{1}\" stroke=\"#999\"/><text x=\"2\" y=\"14\" font-size=\"11\">{top:.2e}</text>",
-            HEIGHT / 2.0,
-            WIDTH - 10.0
-        );
-        let mut last = "";
-        for (k, v) in values.iter().enumerate() {
-            let (x, size) = (60.0 + k as f64 * width, (HEIGHT / 2.0 - 12.0) * v.abs() / top);
-            let y = if *v > 0.0 { HEIGHT / 2.0 - size } else { HEIGHT / 2.0 };
-            let _ = write!(
-                html,
-                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{size:.1}\" fill=\"#2b6ca3\"/>",
-                0.8 * width
-            );
-            let run = left.closing[k].0.as_str();
-            if run != last {
-                let _ = write!(
-                    html,
-                    "<path d=\"M{x:.1} 0V{HEIGHT}\" stroke=\"#ccc\"/><text x=\"{:.1}\" y=\"{:.0}\" font-size=\"10\" fill=\"#555\">{}</text>",
-                    x + 2.0,
-                    HEIGHT - 2.0,
-                    escape(run)
-                );
-                last = run;
-            }
-        }
-        html.push_str("</svg>");
-    }
 }
 
-/// The first ranking, and which of it these data cannot tell apart.
-fn ranking(html: &mut String, diagnosis: &Diagnosis) {
-    html.push_str("<table><tr><th>cause, alone</th><th>explains</th></tr>");
-    for r in &diagnosis.ranking {
-        let _ = write!(html, "<tr><td>{}</td><td>{:.1} %</td></tr>", escape(&r.effect.to_string()), 100.0 * r.share);
-    }
-    html.push_str("</table><h3>Confusability (cosine of their traces; 1 is indistinguishable by these data)</h3><table><tr><th></th>");
-    for i in 0..diagnosis.ranking.len() {
-        let _ = write!(html, "<th>{}</th>", i + 1);
-    }
-    html.push_str("</tr>");
-    for (i, row) in diagnosis.confusability.iter().enumerate() {
-        let _ = write!(html, "<tr><td>{} {}</td>", i + 1, escape(diagnosis.ranking[i].effect.id()));
-        for cosine in row {
-            let shade = (255.0 * (1.0 - 0.7 * cosine.clamp(0.0, 1.0).powi(2))) as u8;
-            let _ = write!(html, "<td style=\"background:rgb({shade},{shade},255)\">{cosine:.2}</td>");
-        }
-        html.push_str("</tr>");
+/// Inclusion probabilities.
+fn considered(html: &mut String, diagnosis: &Diagnosis) {
+    let _ = write!(
+        html,
+        "<h2>What was considered</h2><p>Posterior probability of each cause; of no cause at all: {:.3}.</p><table><tr><th>cause</th>\
+         <th>probability</th></tr>",
+        diagnosis.probability_of_none
+    );
+    for (effect, probability) in &diagnosis.inclusion {
+        let _ = write!(html, "<tr><td>{}</td><td>{probability:.3}</td></tr>", escape(&effect.to_string()));
     }
     html.push_str("</table>");
 }

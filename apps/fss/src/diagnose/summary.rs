@@ -1,7 +1,6 @@
 //! The answer for a person at a terminal, in the order a person asks: where, what, what else, what it gains.
 
-use fss_identify::diagnosis::{Cause, Diagnosis, Verdict};
-use fss_identify::misfit::ChannelMisfit;
+use fss_diagnosis::diagnosis::{Cause, ChannelMisfit, Diagnosis, Verdict};
 use std::collections::BTreeMap;
 
 /// RMS over noise beyond which a channel is shown as wrong.
@@ -13,7 +12,6 @@ const DECIDED: f64 = 0.9;
 /// Prints it.
 pub fn print(diagnosis: &Diagnosis) {
     diagnosis.remarks.iter().for_each(|remark| say!("{remark}"));
-    diagnosis.input_mismatch.iter().for_each(|mismatch| say!("{mismatch}"));
     table(diagnosis);
     say!("\n{}", headline(diagnosis));
     for cause in &diagnosis.causes {
@@ -23,21 +21,13 @@ pub fn print(diagnosis: &Diagnosis) {
         say!("\nNot all is decided: fss next-experiment finds the maneuver that tells these causes apart best.");
     }
     if !diagnosis.suspects.is_empty() {
-        say!("\nCame nearest, but is not asserted:");
+        say!("\nProbable, but not asserted:");
         diagnosis.suspects.iter().for_each(print_cause);
     }
-    if let Some(left) = &diagnosis.unexplained {
-        say!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
-        if let Some((channel, run, ratio)) = &left.worst {
-            say!("  most in {channel} of {run}, {ratio:.1} times its noise");
-        }
-        for (what, share) in &left.depends_on {
-            say!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
-        }
-    }
-    if !diagnosis.empirical.is_empty() {
-        say!("\nThe extended model has an empirical term: it names no cause, but predicts the validation runs better.");
-        diagnosis.empirical.iter().for_each(|law| say!("  {law}"));
+    discrepancies(diagnosis);
+    if !diagnosis.laws.is_empty() {
+        say!("\nThe extended model has laws that are no known effect's:");
+        diagnosis.laws.iter().for_each(|law| say!("  {law}"));
     }
     let on = if diagnosis.validation_before.is_empty() { "the fitted runs" } else { "the validation runs" };
     say!(
@@ -45,6 +35,17 @@ pub fn print(diagnosis: &Diagnosis) {
         diagnosis.gain.before,
         diagnosis.gain.after
     );
+}
+
+/// Strengths of the structured discrepancy that are more than expected.
+fn discrepancies(diagnosis: &Diagnosis) {
+    if !diagnosis.verdict.leaves_something() {
+        return;
+    }
+    say!("\nStructured discrepancy: inferred, and expected by the plant file or of a good laboratory");
+    for d in &diagnosis.discrepancy {
+        say!("  {:<40}{:>12.2e}{:>12.2e}", d.name, d.inferred, d.expected);
+    }
 }
 
 /// The verdict as a sentence.
@@ -72,7 +73,16 @@ fn print_cause(cause: &Cause) {
         }
     }
     for other in &cause.alternatives {
-        say!("    or {} (probability {:.3})", other.effect, other.probability);
+        if other.is_equivalent {
+            say!("    which these data cannot tell from {}", other.effect);
+        } else {
+            say!("    or {} (probability {:.3})", other.effect, other.probability);
+        }
+    }
+    if let Some(nats) = cause.validation_nats
+        && nats <= 0.0
+    {
+        say!("    it does not predict the validation runs better ({nats:.1} nats)");
     }
 }
 
