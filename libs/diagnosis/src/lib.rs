@@ -5,6 +5,7 @@
 //! - [`block`]: what the search needs of a set of channels of one run: a prediction linear in small effects, a noise model.
 //! - [`base`]: the motion of a floating base as a block.
 //! - [`joints`]: the joints and the end-effector as a block.
+//! - `examine`, `startup_transient`: what of the records is no measurement.
 //! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
 //! - `search`: marginal likelihoods of sets of causes.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
@@ -15,6 +16,7 @@ pub mod block;
 mod candidates;
 mod conclude;
 pub mod diagnosis;
+mod examine;
 pub mod joints;
 mod misfit;
 mod path;
@@ -22,10 +24,12 @@ mod problem;
 mod scores;
 mod screening;
 mod search;
+mod startup_transient;
 mod uncertain;
 
 pub use conclude::ASSERTED;
 use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};
+use examine::{Examined, examine};
 use fss_identify::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
@@ -41,10 +45,13 @@ pub fn diagnose(
     validation: &[Run],
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
+    let Examined { plant, runs, remarks } = examine(plant, runs);
+    let validation = examine(&plant, validation).runs;
+    let (plant, runs, validation) = (&plant, &runs[..], &validation[..]);
     let problem = Problem::new(plant, runs)?;
     let judged_on = Problem::new(plant, validation)?;
     if problem.is_empty() {
-        return Ok(nothing_to_say(plant));
+        return Ok(nothing_to_say(plant, remarks));
     }
     let searched = search::search(&problem, say)?;
     say("measuring the gain");
@@ -65,7 +72,7 @@ pub fn diagnose(
     let gain = Gain { before: judged(&validation_before, &before), after: judged(&validation_after, &after) };
     let names = problem.uncertain.iter().map(|u| u.name.clone());
     Ok(Diagnosis {
-        remarks: Vec::new(),
+        remarks,
         verdict: concluded.verdict,
         causes: concluded.causes,
         suspects: concluded.suspects,
@@ -84,9 +91,9 @@ pub fn diagnose(
     })
 }
 
-fn nothing_to_say(plant: &Plant) -> Diagnosis {
+fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
     Diagnosis {
-        remarks: Vec::new(),
+        remarks,
         verdict: Verdict::Consistent,
         causes: Vec::new(),
         suspects: Vec::new(),

@@ -40,23 +40,23 @@ const ALL_REPORT_S: f64 = 0.5;
 const RESTS_WITHIN_RAD: f64 = 0.05;
 
 /// Whether any of these commanded levels is above 0.
-pub(crate) fn pushes(levels: &[f64]) -> bool {
+pub fn pushes(levels: &[f64]) -> bool {
     levels.iter().any(|level| *level > 0.0)
 }
 
 impl Run {
     /// Whether a thruster, counted from 1, is ever commanded to push.
-    pub(crate) fn fires(&self, thruster: usize) -> bool {
+    pub fn fires(&self, thruster: usize) -> bool {
         self.thrust_levels.iter().any(|(_, levels)| levels.get(thruster - 1).is_some_and(|level| *level > 0.0))
     }
 
     /// Whether any thruster is.
-    pub(crate) fn fires_at_all(&self) -> bool {
+    pub fn fires_at_all(&self) -> bool {
         self.thrust_levels.iter().any(|(_, levels)| pushes(levels))
     }
 
     /// Whether a joint, counted from 1, moves in this run, or may without anybody telling.
-    pub(crate) fn moves(&self, joint: usize) -> bool {
+    pub fn moves(&self, joint: usize) -> bool {
         let Some(q_rad) = self.joints.as_ref().and_then(|joints| joints.q_rad.get(joint - 1)) else { return true };
         let known = || q_rad.iter().copied().filter(|q| q.is_finite());
         known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min) > RESTS_WITHIN_RAD
@@ -64,13 +64,13 @@ impl Run {
 
     /// Whether the arm's motion between two times is known: its telemetry tells it, or it was told to rest. A drive follows
     /// its command to hundredths of a radian only, which is far more than the base's sensors notice.
-    pub(crate) fn arm_is_known(&self, from_s: f64, to_s: f64) -> bool {
+    pub fn arm_is_known(&self, from_s: f64, to_s: f64) -> bool {
         self.telemetry_tells(from_s, to_s) || self.arm_is_told_to_rest(from_s - SETTLING_S, to_s)
     }
 
     /// The same run without what the joints reported before `from_s`, and everything else before every joint has reported once
     /// more; what it was told stays.
-    pub(crate) fn measured_from(mut self, from_s: f64) -> Self {
+    pub fn measured_from(mut self, from_s: f64) -> Self {
         let late = |t_s: &[f64]| t_s.partition_point(|t| *t < from_s + ALL_REPORT_S);
         for poses in [&mut self.base_pose, &mut self.ee_pose].into_iter().flatten() {
             let early = late(&poses.t_s);
@@ -95,7 +95,7 @@ impl Run {
     }
 
     /// Whether joints of a clamped arm can be simulated: free ones swing by themselves, driven ones need their currents.
-    pub(crate) fn tells_what_drives(&self) -> bool {
+    pub fn tells_what_drives(&self) -> bool {
         let has_currents = |joints: &Joints| joints.current_a.iter().any(|a| a.iter().any(|a| a.is_finite()));
         self.drive == Drive::Free || self.joints.as_ref().is_some_and(has_currents)
     }

@@ -1,9 +1,9 @@
-//! Beginnings in which the arm is not in its drives' hands.
+//! The start-up transient: the time until the drives hold the arm.
 //!
 //! Until its drives take up their commands something may fling an arm about, a spring at a joint, say. Between two reports it
 //! then goes anywhere, and the base with it: no model of the base can be judged by that time.
 
-use crate::measured::{Joints, Run};
+use fss_identify::measured::{Joints, Run};
 
 /// Angles that reports, taken together, leave open by more than this are not known, rad: what a drive does where it takes
 /// up a command stays well below.
@@ -14,7 +14,7 @@ const PAUSE: f64 = 2.0;
 const LONGEST_S: f64 = 3.0;
 
 /// When the drives of a run have its arm in hand, s, where that is not from the beginning on.
-pub(crate) fn in_hand_from_s(run: &Run) -> Option<f64> {
+pub(crate) fn startup_transient_end_s(run: &Run) -> Option<f64> {
     let joints = run.joints.as_ref()?;
     let (first_s, last_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
     let open = (0..joints.q_rad.len()).flat_map(|joint| open_rad(run, joints, joint));
@@ -46,7 +46,7 @@ fn open_rad(run: &Run, joints: &Joints, joint: usize) -> Vec<(f64, f64)> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::measured::{Many, Poses};
+    use fss_identify::measured::{Many, Poses};
 
     /// An arm of one joint that is told to rest for 20 s, and swings with this rate until this time.
     fn swinging(rate_rad_s: f64, until_s: f64) -> Run {
@@ -67,10 +67,10 @@ mod tests {
     #[test]
     fn an_arm_that_is_flung_at_first_is_in_hand_once_its_reports_agree() {
         let run = swinging(9.0, 0.9);
-        let from_s = in_hand_from_s(&run).unwrap();
+        let from_s = startup_transient_end_s(&run).unwrap();
         assert!((0.9..1.3).contains(&from_s), "{from_s} s");
         let rest = run.measured_from(from_s);
-        assert!(in_hand_from_s(&rest).is_none());
+        assert!(startup_transient_end_s(&rest).is_none());
         assert!(rest.joints.unwrap().t_s[0] >= from_s && rest.base_pose.unwrap().t_s[0] > from_s);
         assert_eq!(rest.joint_command.unwrap().t_s.len(), 2, "what it was told stays");
     }
@@ -78,17 +78,17 @@ mod tests {
     #[test]
     fn a_pause_of_telemetry_while_the_arm_moves_is_no_flung_arm() {
         let mut run = swinging(2.0, 20.0);
-        assert_eq!(in_hand_from_s(&run), None);
+        assert_eq!(startup_transient_end_s(&run), None);
         let joints = run.joints.as_mut().unwrap();
         for values in [&mut joints.t_s, &mut joints.q_rad[0], &mut joints.qd_rad_s[0]] {
             values.drain(3..9);
         }
-        assert_eq!(in_hand_from_s(&run), None);
+        assert_eq!(startup_transient_end_s(&run), None);
     }
 
     #[test]
     fn an_arm_that_moves_gently_or_is_never_in_hand_is_left_alone() {
-        assert_eq!(in_hand_from_s(&swinging(0.5, 20.0)), None);
-        assert_eq!(in_hand_from_s(&swinging(9.0, 20.0)), None);
+        assert_eq!(startup_transient_end_s(&swinging(0.5, 20.0)), None);
+        assert_eq!(startup_transient_end_s(&swinging(9.0, 20.0)), None);
     }
 }

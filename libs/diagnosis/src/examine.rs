@@ -3,8 +3,8 @@
 //! Nothing here is a cause. What is not a measurement is left out, what is noisier than stated is believed less, and each
 //! is told.
 
-use crate::in_hand::in_hand_from_s;
-use crate::measured::{Poses, Run};
+use crate::startup_transient::startup_transient_end_s;
+use fss_identify::measured::{Poses, Run};
 use fss_plant::Plant;
 use std::f64::consts::TAU;
 
@@ -52,7 +52,7 @@ pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
     }
     if plant.link_count() > 0 && !plant.base.clamped {
         for run in &mut out.runs {
-            let Some(from_s) = in_hand_from_s(run) else { continue };
+            let Some(from_s) = startup_transient_end_s(run) else { continue };
             *run = std::mem::take(run).measured_from(from_s);
             out.remarks.push(format!(
                 "{}: until {from_s:.1} s something moves the arm, which its drives do not hold yet, faster than its telemetry \
