@@ -12,6 +12,8 @@ use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Response};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
 
 /// A block, the run that it is of, and its family: blocks of a family share hyper-parameters.
 pub(crate) struct Member {
@@ -345,9 +347,15 @@ impl Problem {
     }
 
     /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
-    pub(crate) fn gram(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<Gram> {
+    pub(crate) fn gram(
+        &self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        parameters: &[usize],
+        cache: &GramCache,
+    ) -> Option<Gram> {
         let mut sum: Option<Gram> = None;
-        for own in self.grams_of_runs(linearized, hyper, parameters)? {
+        for own in self.grams_of_runs(linearized, hyper, parameters, cache)? {
             match &mut sum {
                 None => sum = Some(own),
                 Some(sum) => {
@@ -365,12 +373,19 @@ impl Problem {
         linearized: &Linearized,
         hyper: &[f64],
         parameters: &[usize],
+        cache: &GramCache,
     ) -> Option<Vec<Gram>> {
-        let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| {
-            let (matrix, log_det) = self.whitened(member, columns, hyper, parameters);
-            (member.run, Gram { products: matrix.tr_mul(&matrix), log_det })
+        let of_member = |(k, (member, columns)): (usize, (&Member, &Vec<Vec<f64>>))| {
+            let mine = self.family_at[member.family];
+            let own = &hyper[mine..mine + member.block.hyper_parameters().len()];
+            let gram = cache.get(k, own, || {
+                let (matrix, log_det) = self.whitened(member, columns, hyper, parameters);
+                Gram { products: matrix.tr_mul(&matrix), log_det }
+            });
+            (member.run, gram)
         };
-        let all: Vec<(usize, Gram)> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();
+        let all: Vec<(usize, Arc<Gram>)> =
+            self.members.par_iter().zip(&linearized.columns).enumerate().map(of_member).collect();
         let n = parameters.len() + 1;
         let kappa = *hyper.last()?;
         let sd: Vec<f64> = parameters.iter().map(|p| kappa * self.variation[*p]).collect();
@@ -384,6 +399,30 @@ impl Problem {
             out.push(varied(own, &sd)?);
         }
         Some(out)
+    }
+}
+
+/// Gram matrices of blocks that were asked for last, by their own hyper-parameters: those of one family do not move the others'.
+#[derive(Default)]
+pub(crate) struct GramCache(Mutex<HashMap<usize, Vec<(Vec<f64>, Arc<Gram>)>>>);
+
+/// Enough for the best point and the one being tried.
+const CACHED: usize = 3;
+
+impl GramCache {
+    fn get(&self, block: usize, hyper: &[f64], make: impl FnOnce() -> Gram) -> Arc<Gram> {
+        let lock = || self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, gram)) = lock().entry(block).or_default().iter().find(|(own, _)| own == hyper) {
+            return gram.clone();
+        }
+        let gram = Arc::new(make());
+        let mut all = lock();
+        let own = all.entry(block).or_default();
+        if own.len() == CACHED {
+            own.remove(0);
+        }
+        own.push((hyper.to_vec(), gram.clone()));
+        gram
     }
 }
 

@@ -1,6 +1,6 @@
 //! Predictive scores of the causes: of validation runs, and of each fitted run from the others. They judge, and choose nothing.
 
-use crate::problem::{Linearized, Problem, Slope};
+use crate::problem::{GramCache, Linearized, Problem, Slope};
 use crate::search::Searched;
 use fss_estimation::evidence::{Gram, SpikePosterior};
 use fss_multibody::ModelError;
@@ -19,7 +19,9 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
     }
     let problem = searched.search.problem;
     let (parameters, _) = searched.search.parameters_with(&best.causes);
-    let fitted = problem.grams_of_runs(&searched.linearized, &searched.hyper, &parameters).unwrap_or_default();
+    let fitted = problem
+        .grams_of_runs(&searched.linearized, &searched.hyper, &parameters, &GramCache::default())
+        .unwrap_or_default();
     let all = sum(&fitted);
     let mut out = Scores::default();
     let without_each_run: Vec<Gram> = (0..fitted.len())
@@ -37,7 +39,9 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
     if let Some(validation) = validation.filter(|v| !v.is_empty()) {
         let wanted = |c: usize| best.causes.contains(&c);
         let linearized: Linearized = validation.linearized(&searched.model, Slope::Secant, &wanted, None)?;
-        let grams = validation.grams_of_runs(&linearized, &searched.hyper, &parameters).unwrap_or_default();
+        let grams = validation
+            .grams_of_runs(&linearized, &searched.hyper, &parameters, &GramCache::default())
+            .unwrap_or_default();
         let mut together = fitted;
         together.extend(grams);
         let together = sum(&together);

@@ -5,7 +5,7 @@
 //! hyper-parameters are optimized, everything is linearized anew about it, until set and values stand still.
 
 use crate::block::Strength;
-use crate::problem::{Linearized, Present, Problem, Slope};
+use crate::problem::{GramCache, Linearized, Present, Problem, Slope};
 use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
 use fss_estimation::pattern_search::maximize;
 use fss_multibody::ModelError;
@@ -103,16 +103,19 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0);
     let mut hyper = null_hyper.clone();
     let mut model: Vec<Present> = Vec::new();
-    let (mut largest, mut again) = (1, 0);
+    let (mut largest, mut again, mut unchanged) = (1, 0, false);
+    let mut points = Vec::new();
     let mut visited = BTreeSet::from([Vec::new()]);
     for round in 1..=ROUNDS {
         say(&format!("searching for up to {largest}, round {round}"));
-        search.shortlist(&linearized, &model, &null_hyper, &hyper);
-        if round > 1 {
-            let chosen = &search.chosen;
-            linearized = problem.linearized(&model, Slope::Secant, &|c| chosen.contains(&c), Some(linearized))?;
+        if !unchanged {
+            search.shortlist(&linearized, &model, &null_hyper, &hyper);
+            if round > 1 {
+                let chosen = &search.chosen;
+                linearized = problem.linearized(&model, Slope::Secant, &|c| chosen.contains(&c), Some(linearized))?;
+            }
+            points = search.points(&linearized, &null_hyper, &hyper);
         }
-        let points = search.points(&linearized, &null_hyper, &hyper);
         let sets = search.beam(&points, largest);
         let best = sets[0].clone();
         search.trace(&points, &sets);
@@ -131,16 +134,20 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
             return Ok(Searched { search, points, sets, model, hyper, null_hyper, linearized });
         }
         if still {
-            (largest, again) = (largest + 1, 0);
+            (largest, again, unchanged) = (largest + 1, 0, true);
             continue;
         }
+        unchanged = false;
         let start = &points[search.judge(&points, &best.causes, &best.classes).1].hyper;
         model = search.polished(estimate.0, &best, start)?;
         say(&format!("linearizing about {}", search.names(&model)));
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         linearized = problem.linearized(&model, Slope::Secant, &|c| present.contains(&c), Some(linearized))?;
-        search.note_identical(&linearized, &model)?;
+        if !same {
+            search.note_identical(&linearized, &model)?;
+        }
         hyper = search.optimized(&linearized, &best.causes, &best.classes, start, 0.5);
+        model = search.polished(model, &best, &hyper)?;
     }
     unreachable_round()
 }
@@ -265,8 +272,14 @@ impl<'a> Search<'a> {
         self.problem.hyper.iter().zip(hyper).enumerate().map(density).sum()
     }
 
-    pub(crate) fn point(&self, linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<HyperPoint> {
-        let gram = self.problem.gram(linearized, hyper, parameters)?;
+    fn point(
+        &self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        parameters: &[usize],
+        cache: &GramCache,
+    ) -> Option<HyperPoint> {
+        let gram = self.problem.gram(linearized, hyper, parameters, cache)?;
         let spikes: Vec<f64> = parameters.iter().map(|p| self.problem.spikes[*p]).collect();
         let posterior = SpikePosterior::new(&gram, &spikes)?;
         Some(HyperPoint { hyper: hyper.to_vec(), log_prior: self.log_prior_of(hyper), posterior })
@@ -285,12 +298,13 @@ impl<'a> Search<'a> {
         let bounded = |logs: &[f64]| -> Vec<f64> {
             logs.iter().zip(&self.problem.hyper).map(|(l, h)| l.exp().clamp(h.bounds[0], h.bounds[1])).collect()
         };
+        let cache = GramCache::default();
         let value = |logs: &[f64]| {
             let hyper = bounded(logs);
             if hyper.iter().zip(logs).any(|(h, l)| (h.ln() - l).abs() > 1e-9) {
                 return f64::NEG_INFINITY;
             }
-            let Some(point) = self.point(linearized, &hyper, &parameters) else { return f64::NEG_INFINITY };
+            let Some(point) = self.point(linearized, &hyper, &parameters, &cache) else { return f64::NEG_INFINITY };
             let Some(slabs) = self.slabs(causes, classes, &position) else { return f64::NEG_INFINITY };
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
         };
@@ -300,7 +314,7 @@ impl<'a> Search<'a> {
         if let Some(variation) = steps.last_mut() {
             *variation = 0.0;
         }
-        let (best, _) = maximize(&logs, &steps, 0.08, 250, value);
+        let (best, _) = maximize(&logs, &steps, 0.15, 150, value);
         bounded(&best)
     }
 
@@ -358,7 +372,8 @@ impl<'a> Search<'a> {
                 kept.push(hyper);
             }
         }
-        kept.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters)).collect()
+        let cache = GramCache::default();
+        kept.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters, &cache)).collect()
     }
 
     fn classes(&self, candidate: usize) -> usize {
@@ -513,7 +528,7 @@ impl<'a> Search<'a> {
         let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
         for _ in 0..POLISHED {
             let linearized = self.problem.linearized(&model, Slope::Tangent, &|c| present.contains(&c), None)?;
-            let Some(point) = self.point(&linearized, hyper, &parameters) else { break };
+            let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
             let Some(posterior) = point.posterior.of_set(&slabs) else { break };
             let estimate = self.presented(set, &posterior);
             let still = self.stands_still(&model, &estimate);
