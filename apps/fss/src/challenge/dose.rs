@@ -6,7 +6,8 @@
 
 use super::path::{Path, STEP_S, coordinates, farthest_m};
 use super::prediction::{BASE_CHANNELS, END_EFFECTOR_CHANNELS, Shown, WINDOW_STEPS, flown, shown};
-use fss_plant::Plant;
+use fss_multibody::Model;
+use fss_plant::{Disturbance, Plant};
 use miette::{IntoDiagnostic, Result};
 use nalgebra::{Matrix6, Vector6};
 use rand::SeedableRng;
@@ -107,47 +108,17 @@ impl<'a> Yardstick<'a> {
         reach.collect::<Result<Vec<_>>>().map(|all| all.into_iter().fold(0.0, f64::max))
     }
 
-    /// RMS of what the room's air does to each channel of the motion, initial states taken off: one realization on the rigid
-    /// vehicle as it stands at each time.
+    /// RMS of what the room's air does to each channel of the motion, initial states taken off: one realization.
     fn air(&self, plant: &Plant) -> Result<Vec<f64>> {
         let Some(air) = &plant.disturbance else { return Ok(Vec::new()) };
         let model = plant.model().into_diagnostic()?;
-        let keep = (-STEP_S / air.correlation_s).exp();
-        let std = [air.force_std_n, air.force_std_n, air.torque_std_n_m];
-        let mut random = ChaCha8Rng::seed_from_u64(0);
-        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let mut force = std.map(|std| std * normal());
+        let mut wind = Wind::new(air);
         let mut squares = vec![(0.0, 0_usize); self.motion_channels];
         let of_motion = &self.floor[..self.motion_channels];
         for (path, nominal) in self.paths.iter().zip(&self.nominal) {
-            let mut moved = vec![Vec::new(); self.motion_channels];
-            let (mut way, mut speed) = ([0.0; 3], [0.0; 3]);
-            for (k, base) in path.base[..path.steps()].iter().enumerate() {
-                let q = coordinates(base.pose, &path.q_rad[2 * k]);
-                let center = model.center_of_mass(&q);
-                let inertia = model.inertia_about_com(&q);
-                for (own, std) in force.iter_mut().zip(std) {
-                    *own = keep * *own + (1.0 - keep * keep).sqrt() * std * normal();
-                }
-                let lever = [base.pose[0] - center.x, base.pose[1] - center.y];
-                let torque = force[2] + lever[0] * force[1] - lever[1] * force[0];
-                let mass = model.total_mass_kg();
-                let acceleration = [force[0] / mass, force[1] / mass, torque / inertia];
-                for i in 0..3 {
-                    speed[i] += acceleration[i] * STEP_S;
-                    way[i] += speed[i] * STEP_S;
-                }
-                let [x, y, turn] = way;
-                let at = |i: usize, j: usize| [nominal.motion[i][k] - center.x, nominal.motion[j][k] - center.y];
-                let shift = |[lx, ly]: [f64; 2]| [x - ly * turn, y + lx * turn, turn];
-                let mut values = shift(at(0, 1)).to_vec();
-                values.push(speed[2]);
-                if self.motion_channels > BASE_CHANNELS {
-                    values.extend(shift(at(BASE_CHANNELS, BASE_CHANNELS + 1)));
-                }
-                for ((channel, value), std) in moved.iter_mut().zip(values).zip(of_motion) {
-                    channel.push(value / std);
-                }
+            let mut moved = blown(&model, path, &nominal.motion, &mut wind);
+            for (channel, std) in moved.iter_mut().zip(of_motion) {
+                channel.iter_mut().for_each(|value| *value /= std);
             }
             take_off_initial_states(&nominal.motion, of_motion, &mut moved);
             for (sum, channel) in squares.iter_mut().zip(&moved) {
@@ -156,6 +127,64 @@ impl<'a> Yardstick<'a> {
         }
         Ok(squares.iter().zip(of_motion).map(|((sum, n), std)| std * (sum / (*n).max(1) as f64).sqrt()).collect())
     }
+}
+
+/// The room's air at every step: an Ornstein-Uhlenbeck process in force x, force y and torque.
+struct Wind {
+    std: [f64; 3],
+    keep: f64,
+    now: [f64; 3],
+    random: ChaCha8Rng,
+}
+
+impl Wind {
+    fn new(air: &Disturbance) -> Self {
+        let keep = (-STEP_S / air.correlation_s).exp();
+        let std = [air.force_std_n, air.force_std_n, air.torque_std_n_m];
+        let mut wind = Self { std, keep: 0.0, now: [0.0; 3], random: ChaCha8Rng::seed_from_u64(0) };
+        wind.step();
+        Self { keep, ..wind }
+    }
+
+    fn step(&mut self) -> [f64; 3] {
+        let fresh = (1.0 - self.keep * self.keep).sqrt();
+        for (own, std) in self.now.iter_mut().zip(self.std) {
+            let normal: f64 = StandardNormal.sample(&mut self.random);
+            *own = self.keep * *own + fresh * std * normal;
+        }
+        self.now
+    }
+}
+
+/// How the air moves the channels of a path: the vehicle is a rigid body as it stands at each time.
+fn blown(model: &Model, path: &Path, nominal: &[Vec<f64>], wind: &mut Wind) -> Vec<Vec<f64>> {
+    let mut moved = vec![Vec::new(); nominal.len()];
+    let (mut way, mut speed) = ([0.0; 3], [0.0; 3]);
+    for (k, base) in path.base[..path.steps()].iter().enumerate() {
+        let q = coordinates(base.pose, &path.q_rad[2 * k]);
+        let center = model.center_of_mass(&q);
+        let [fx, fy, torque] = wind.step();
+        let lever = [base.pose[0] - center.x, base.pose[1] - center.y];
+        let about_center = torque + lever[0] * fy - lever[1] * fx;
+        let mass_kg = model.total_mass_kg();
+        let accelerations = [fx / mass_kg, fy / mass_kg, about_center / model.inertia_about_com(&q)];
+        for i in 0..3 {
+            speed[i] += accelerations[i] * STEP_S;
+            way[i] += speed[i] * STEP_S;
+        }
+        let [x, y, turn] = way;
+        let at = |i: usize| {
+            let [lx, ly] = [nominal[i][k] - center.x, nominal[i + 1][k] - center.y];
+            [x - ly * turn, y + lx * turn, turn]
+        };
+        let mut values = at(0).to_vec();
+        values.push(speed[2]);
+        if nominal.len() > BASE_CHANNELS {
+            values.extend(at(BASE_CHANNELS));
+        }
+        moved.iter_mut().zip(values).for_each(|(channel, value)| channel.push(value));
+    }
+    moved
 }
 
 /// Fits a rigid shift, turn and drift to each window of the motion, and takes it off.
@@ -199,4 +228,29 @@ fn rows<'a>(
     let arm = if has_arm { Some(body(BASE_CHANNELS)) } else { None };
     let all = body(0).into_iter().chain([gyro]).chain(arm.into_iter().flatten());
     all.zip(floor).map(|(row, std)| row / *std)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::experiments::of_vehicle;
+    use super::*;
+    use fss_plant::Effect;
+
+    #[test]
+    fn twice_the_effect_is_twice_the_dose_and_a_turn_of_the_whole_camera_frame_is_none() {
+        let plant = Plant::default_laboratory().unwrap();
+        let experiments = of_vehicle(&plant, &["coast".to_owned(), "excitation".to_owned()]).unwrap();
+        let yardstick = Yardstick::new(&plant, experiments.iter().map(|e| &e.path).collect()).unwrap();
+        let dose = |effect: Effect| yardstick.difference(&plant.with_effects(&[effect])).unwrap().dose();
+        for (id, once) in [("table_tilt", [5e-5, 0.0]), ("body_force", [2e-4, 1e-4])] {
+            let effect = Effect::new(id).unwrap();
+            let ratio = dose(effect.clone().with(&once.map(|v| 2.0 * v))) / dose(effect.with(&once));
+            assert!((ratio - 2.0).abs() < 0.05, "{id}: {ratio}");
+        }
+        let friction = Effect::new("joint_viscous_friction").unwrap().at(2).with(&[0.4]);
+        assert!(dose(friction) > 1.0, "friction shows in the currents");
+        assert!(dose(Effect::new("mocap_rotation").unwrap().with(&[0.2])) < 0.05);
+        assert!(dose(Effect::new("marker_yaw").unwrap().with(&[0.01])) > 1.0, "seen against the end-effector");
+    }
 }

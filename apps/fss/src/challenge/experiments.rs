@@ -64,8 +64,12 @@ fn fitted(name: &str, plant: &Plant) -> Result<Experiment> {
     fit_joints(&mut table, plant);
     loop {
         let text = toml::to_string(&table).into_diagnostic()?;
-        let mission =
-            Mission::parse_for(&text, plant).map_err(|e| miette!("{name} for this vehicle: {}", e.message))?;
+        let mission = match Mission::parse_for(&text, plant) {
+            Ok(mission) => mission,
+            // A mission that leaves the table is refused.
+            Err(_) if shorten(&mut table) => continue,
+            Err(error) => return Err(miette!("{name} does not fit this vehicle: {}", error.message)),
+        };
         let path = Path::of(&mission, plant)?;
         let is_safe = path.farthest_m() < SAFE_M && path.fastest_rad_s() < SAFE_RAD_S;
         if is_safe || !shorten(&mut table) {
@@ -220,6 +224,44 @@ fn fit_sines(arm: &mut Table, plant: &Plant) {
             scale("frequency_Hz", FREQUENCY_STEP.powi(round as i32));
             sine.insert("joint".to_owned(), Value::Integer(joint as i64 + 1));
             sines.push(Value::Table(sine));
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::vehicle;
+    use super::*;
+
+    #[test]
+    fn every_vehicle_can_fly_its_experiments_and_stays_on_the_table() {
+        let own = Plant::default_laboratory().unwrap();
+        let names = EXPERIMENTS.map(str::to_owned);
+        for seed in 0..30 {
+            let (plant, _) = vehicle::draw(seed, &own);
+            let experiments = of_vehicle(&plant, &names).unwrap();
+            let arm = if plant.link_count() > 0 { 0 } else { OF_THE_ARM.len() };
+            assert_eq!(experiments.len() + arm, EXPERIMENTS.len() + 1, "seed {seed}");
+            for Experiment { name, path, .. } in &experiments {
+                let (farthest_m, fastest_rad_s) = (path.farthest_m(), path.fastest_rad_s());
+                assert!(farthest_m < SAFE_M, "seed {seed}, {name}: {farthest_m} m");
+                assert!(fastest_rad_s < SAFE_RAD_S, "seed {seed}, {name}: {fastest_rad_s} rad/s");
+            }
+        }
+    }
+
+    #[test]
+    fn more_than_four_joints_move_too() {
+        let mut plant = Plant::default_laboratory().unwrap();
+        plant.links.extend_from_within(2..);
+        let experiments = of_vehicle(&plant, &["single-joint".to_owned(), "excitation".to_owned()]).unwrap();
+        for experiment in &experiments {
+            for joint in 0..6 {
+                let angles = experiment.path.q_rad.iter().map(|q| q[joint]);
+                let spread = angles.clone().fold(f64::MIN, f64::max) - angles.fold(f64::MAX, f64::min);
+                assert!(spread > 0.3, "{}: joint {} moves {spread} rad", experiment.name, joint + 1);
+            }
         }
     }
 }

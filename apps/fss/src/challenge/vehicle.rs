@@ -28,11 +28,7 @@ pub fn draw(seed: u64, own: &Plant) -> (Plant, bool) {
     let count = dice.random_range(0..=MOST_LINKS);
     plant.links = own.links.first().map_or_else(Vec::new, |like| (0..count).map(|_| link(like, dice)).collect());
     sensors(&mut plant, dice);
-    if let (Some(stated), Some(known)) = (plant.uncertainty.as_mut(), own.uncertainty.as_ref()) {
-        *stated = uncertainty(known, own, &plant_scales(plant.base.mass_kg, &plant.links), dice);
-        stated.base_inertia_kg_m2 *= plant.base.inertia_kg_m2 / own.base.inertia_kg_m2;
-        stated.thrust_n *= plant.typical_thrust_n() / own.typical_thrust_n();
-    }
+    plant.uncertainty = own.uncertainty.as_ref().map(|known| uncertainty(known, own, &plant, dice));
     (plant, false)
 }
 
@@ -122,11 +118,15 @@ fn sensors(plant: &mut Plant, dice: &mut ChaCha8Rng) {
     }
 }
 
-/// Base mass, and the links' mean length, mass, inertia, frictions and torque constant.
-fn plant_scales(base_mass_kg: f64, links: &[Link]) -> [f64; 7] {
+/// Mass and inertia of the base, strength of the thrusters, and the links' mean length, mass, inertia, frictions and torque
+/// constant.
+fn scales(plant: &Plant) -> [f64; 9] {
+    let links = &plant.links;
     let mean = |of: fn(&Link) -> f64| links.iter().map(of).sum::<f64>() / links.len().max(1) as f64;
     [
-        base_mass_kg,
+        plant.base.mass_kg,
+        plant.base.inertia_kg_m2,
+        plant.typical_thrust_n(),
         mean(|l| l.length_m),
         mean(|l| l.mass_kg),
         mean(|l| l.inertia_kg_m2),
@@ -137,18 +137,20 @@ fn plant_scales(base_mass_kg: f64, links: &[Link]) -> [f64; 7] {
 }
 
 /// The standard deviations that `known` states of `own`, in proportion to a vehicle of other scales.
-fn uncertainty(known: &Uncertainty, own: &Plant, scales: &[f64; 7], dice: &mut ChaCha8Rng) -> Uncertainty {
-    let before = plant_scales(own.base.mass_kg, &own.links);
-    let ratio = |i: usize| if before[i] > 0.0 { scales[i] / before[i] } else { 1.0 };
+fn uncertainty(known: &Uncertainty, own: &Plant, plant: &Plant, dice: &mut ChaCha8Rng) -> Uncertainty {
+    let (before, after) = (scales(own), scales(plant));
+    let ratio = |i: usize| if before[i] > 0.0 { after[i] / before[i] } else { 1.0 };
     let mut stated = known.clone();
     stated.base_mass_kg *= ratio(0);
-    stated.link_length_m *= ratio(1);
-    stated.com_to_next_joint_m *= ratio(1);
-    stated.link_mass_kg *= ratio(2);
-    stated.link_inertia_kg_m2 *= ratio(3);
-    stated.coulomb_friction_n_m *= ratio(4);
-    stated.viscous_friction_n_m_s_rad *= ratio(5);
-    stated.torque_constant_n_m_a *= ratio(6);
+    stated.base_inertia_kg_m2 *= ratio(1);
+    stated.thrust_n *= ratio(2);
+    stated.link_length_m *= ratio(3);
+    stated.com_to_next_joint_m *= ratio(3);
+    stated.link_mass_kg *= ratio(4);
+    stated.link_inertia_kg_m2 *= ratio(5);
+    stated.coulomb_friction_n_m *= ratio(6);
+    stated.viscous_friction_n_m_s_rad *= ratio(7);
+    stated.torque_constant_n_m_a *= ratio(8);
     for std in [
         &mut stated.base_mass_kg,
         &mut stated.base_inertia_kg_m2,
