@@ -11,9 +11,9 @@ use std::path::Path;
 const EXPERIMENTS: [&str; 6] = ["coast", "single-joint", "excitation", "thrusters", "mixed", "validation"];
 
 /// A seed that hides something in a drawn vehicle.
-const HIDING: &str = "2";
+const HIDING: &str = "3";
 /// A seed whose vehicle has no links.
-const ARMLESS: &str = "1";
+const ARMLESS: &str = "0";
 
 /// Flies an experiment against the laboratory of the plant file; gives its log's folder.
 fn fly(name: &str, folder: &Path) -> String {
@@ -68,6 +68,19 @@ fn a_log_of_the_nominal_laboratory_and_what_the_plant_file_says_agree() {
     let answer = json(&out.join("diagnosis.json"));
     assert_eq!(answer["verdict"], "consistent", "{answer}");
     assert_eq!(answer["causes"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn where_nothing_is_hidden_nothing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    // Vehicles without links, with one and with four, in laboratories that differ from their plant files.
+    for seed in ["0", "6", "7", "20"] {
+        let (out, file) = (folder.path().join(seed), folder.path().join("answer.json"));
+        succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
+        let answer = json(&file);
+        assert_eq!(answer["hidden"]["effects"].as_array().unwrap().len(), 0, "seed {seed}");
+        assert_eq!(answer["said"]["verdict"], "consistent", "seed {seed}: {}", answer["said"]);
+    }
 }
 
 #[test]
