@@ -85,7 +85,8 @@ impl<'a> Yardstick<'a> {
     pub fn difference(&self, laboratory: &Plant) -> Result<Difference> {
         let mut all = Difference(vec![Vec::new(); self.floor.len()]);
         for (path, nominal) in self.paths.iter().zip(&self.nominal) {
-            let other = shown(laboratory, path)?;
+            let mut other = shown(laboratory, path)?;
+            align(&nominal.motion, &mut other.motion);
             let over = |own: &[Vec<f64>], other: &[Vec<f64>], floor: &[f64]| -> Vec<Vec<f64>> {
                 let channels = own.iter().zip(other).zip(floor);
                 channels.map(|((a, b), std)| a.iter().zip(b).map(|(a, b)| (b - a) / std).collect()).collect()
@@ -185,6 +186,26 @@ fn blown(model: &Model, path: &Path, nominal: &[Vec<f64>], wind: &mut Wind) -> V
         moved.iter_mut().zip(values).for_each(|(channel, value)| channel.push(value));
     }
     moved
+}
+
+/// Turns each window of another motion about the start of the nominal one by what its base heads elsewhere on average: what is
+/// left of an unknown heading is small enough to be linear.
+fn align(nominal: &[Vec<f64>], other: &mut [Vec<f64>]) {
+    let count = nominal[0].len();
+    let bodies = if nominal.len() > BASE_CHANNELS { vec![0, BASE_CHANNELS] } else { vec![0] };
+    for from in (0..count).step_by(WINDOW_STEPS) {
+        let window = from..(from + WINDOW_STEPS).min(count);
+        let turned: f64 = window.clone().map(|k| other[2][k] - nominal[2][k]).sum();
+        let turn_rad = turned / window.len() as f64;
+        let (sin, cos) = turn_rad.sin_cos();
+        let start = [nominal[0][from], nominal[1][from]];
+        for (first, k) in bodies.iter().flat_map(|first| window.clone().map(move |k| (*first, k))) {
+            let [x, y] = [other[first][k] - start[0], other[first + 1][k] - start[1]];
+            other[first][k] = start[0] + cos * x + sin * y;
+            other[first + 1][k] = start[1] + cos * y - sin * x;
+            other[first + 2][k] -= turn_rad;
+        }
+    }
 }
 
 /// Fits a rigid shift, turn and drift to each window of the motion, and takes it off.
