@@ -10,6 +10,11 @@ use std::path::Path;
 
 const EXPERIMENTS: [&str; 6] = ["coast", "single-joint", "excitation", "thrusters", "mixed", "validation"];
 
+/// A seed that hides something in a drawn vehicle.
+const HIDING: &str = "3";
+/// A seed whose vehicle has no links.
+const ARMLESS: &str = "0";
+
 /// Flies an experiment against the laboratory of the plant file; gives its log's folder.
 fn fly(name: &str, folder: &Path) -> String {
     fly_in(None, name, "1", folder)
@@ -68,8 +73,8 @@ fn a_log_of_the_nominal_laboratory_and_what_the_plant_file_says_agree() {
 #[test]
 fn where_nothing_is_hidden_nothing_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    // These hide nothing, and once showed a soft joint: what few reports make of an arm's accelerations looks like one.
-    for seed in ["23", "42", "113"] {
+    // Vehicles without links, with one and with four, in laboratories that differ from their plant files.
+    for seed in ["0", "6", "7", "20"] {
         let (out, file) = (folder.path().join(seed), folder.path().join("answer.json"));
         succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
         let answer = json(&file);
@@ -80,16 +85,13 @@ fn where_nothing_is_hidden_nothing_is_named() {
 
 #[test]
 fn what_moves_the_vehicle_far_is_named_for_what_it_is() {
-    let folder = tempfile::tempdir().unwrap();
-    // Half the base's mass, once thought to be a push; exchanged valves, once not seen; one clock, once called four late links;
-    // exchanged valves beside a plume, once called turned and weak thrusters; a spring that flings the arm before its drives hold
-    // it, and friction that stops the base, both once unexplained.
-    for seed in ["290", "235", "216", "57", "362", "303"] {
-        let (out, file) = (folder.path().join(seed), folder.path().join("answer.json"));
-        succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
-        let answer = json(&file);
-        assert_eq!(answer["score"]["all_are_right"], true, "seed {seed}: {} {}", answer["hidden"], answer["said"]);
-        assert_eq!(answer["score"]["named_wrongly"], 0, "seed {seed}: {}", answer["said"]);
+    // Half the base's mass, once thought to be a push; exchanged valves, once not seen.
+    for (effect, values) in [("base_mass", "mass_kg = 5.0"), ("valve_swap", "index = 2\nother_index = 7")] {
+        let flown = Flown::with(&format!("id = \"{effect}\"\n{values}"), &["coast", "thrusters", "mixed"]);
+        let answer = flown.diagnosed("plant.toml", "out");
+        let causes = answer["causes"].as_array().unwrap();
+        assert_eq!(causes.len(), 1, "{answer}");
+        assert_eq!(causes[0]["effect"], effect, "{answer}");
     }
 }
 
@@ -248,25 +250,45 @@ fn a_log_without_motion_capture_is_refused_with_the_topics_name() {
 #[test]
 fn one_seed_is_one_game_and_its_logs_do_not_tell_the_secret() {
     let folder = tempfile::tempdir().unwrap();
-    let play = |name: &str, seed: &str| {
+    let play = |name: &str| {
         let (out, file) = (folder.path().join(name), folder.path().join(format!("{name}.json")));
         let story =
-            succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
+            succeed(&["challenge", "--seed", HIDING, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
         assert!(story.contains("The diagnosis says") && story.contains("The envelope"), "{story}");
         json(&file)
     };
-    let (first, second) = (play("a", "2"), play("b", "2"));
-    assert_eq!(first["format"], "fss-challenge/1");
+    let (first, second) = (play("a"), play("b"));
+    assert_eq!(first["format"], "fss-challenge/2");
     assert_eq!(first["hidden"], second["hidden"]);
     assert_eq!(first["said"]["verdict"], second["said"]["verdict"]);
     assert_eq!(json(&folder.path().join("a/sealed.json")), first["hidden"], "sealed before it was opened");
-    let hidden = first["hidden"]["effects"][0]["effect"].as_str().expect("seed 2 hides something");
-    for name in EXPERIMENTS {
-        let path = folder.path().join(format!("a/experiment-{name}/run.mcap"));
+    assert_eq!(first["hidden"]["is_own_vehicle"], false, "{first}");
+    let hidden = first["hidden"]["effects"][0]["effect"].as_str().expect("the seed hides something");
+    let given = std::fs::read_to_string(folder.path().join("a/plant.toml")).unwrap();
+    let vehicle = fss_plant::Plant::parse(&given).unwrap();
+    let flown = EXPERIMENTS.iter().map(|name| folder.path().join(format!("a/experiment-{name}/run.mcap")));
+    for path in flown.filter(|path| path.exists()) {
         let log = Log::open(&path).unwrap();
         let plant = log.attachment("plant.toml").unwrap().expect("the plant file");
-        assert!(!plant.contains("[[effect]]\nid"), "{name} tells of {hidden}");
-        assert!(log.samples::<MocapPose>(topic::MOCAP_BASE.name).unwrap().len() > 3900, "{name}");
+        assert_eq!(plant, given, "the stack believes what the diagnosis gets");
+        assert!(!plant.contains("[[effect]]"), "{} tells of {hidden}", path.display());
+        assert!(log.attachment("laboratory.toml").unwrap().is_none(), "{} tells of the laboratory", path.display());
+        let poses = log.samples::<MocapPose>(topic::MOCAP_BASE.name).unwrap();
+        let rate_hz = poses.len() as f64 / (poses.last().unwrap().stamp_ns - poses[0].stamp_ns) as f64 * 1e9;
+        assert!((rate_hz / vehicle.sensors.mocap_rate_hz - 1.0).abs() < 0.07, "{rate_hz} Hz");
+        let last = log.samples::<MissionState>(topic::MISSION_STATE.name).unwrap().pop().unwrap();
+        assert_eq!(last.state, MissionState::DONE, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_vehicle_without_an_arm_flies_what_needs_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let story = succeed(&["challenge", "--seed", ARMLESS, "--out", out]);
+    assert!(story.contains("a drawn vehicle, 0 links"), "{story}");
+    for (name, is_flown) in [("coast", true), ("thrusters", true), ("single-joint", false), ("excitation", false)] {
+        assert_eq!(folder.path().join(format!("experiment-{name}/run.mcap")).exists(), is_flown, "{name}");
     }
 }
 
@@ -274,17 +296,24 @@ fn one_seed_is_one_game_and_its_logs_do_not_tell_the_secret() {
 fn many_seeds_make_a_table_that_can_be_taken_up_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("table.json");
-    let file = file.to_str().unwrap();
-    let table = succeed(&["challenge", "--seeds", "3..5", "--json", file]);
+    let (file, out) = (file.to_str().unwrap(), folder.path().join("games"));
+    let table = succeed(&["challenge", "--seeds", "3..5", "--json", file, "--out", out.to_str().unwrap()]);
     assert!(table.contains("2 seeds") && table.contains("false alarms where nothing is hidden"), "{table}");
+    assert!(table.contains("too few: "), "two seeds pass no gate: {table}");
     let first = json(Path::new(file));
-    assert_eq!(first["format"], "fss-challenge-table/1");
+    assert_eq!(first["format"], "fss-challenge-table/2");
     assert_eq!(first["seeds"].as_array().unwrap().len(), 2);
     assert_eq!(first["gates"].as_array().unwrap().len(), 12);
+    for seed in ["seed-3", "seed-4"] {
+        assert!(out.join(seed).join("sealed.json").exists());
+        assert!(!out.join(seed).join("experiment-coast/run.mcap").exists(), "logs are gone");
+    }
     succeed(&["challenge", "--seeds", "3..5", "--json", file, "--resume"]);
     assert_eq!(json(Path::new(file))["seeds"], first["seeds"], "nothing is played twice");
     let fewer = ["challenge", "--seeds", "3..5", "--experiments", "coast", "--json", file, "--resume"];
     refused(&fewer, &["table.json", "flew coast,single-joint", "not coast"]);
+    std::fs::write(file, "{ \"format\": \"fss-challenge-table/1\", \"seeds\": [] }").unwrap();
+    refused(&["challenge", "--seeds", "3..5", "--json", file, "--resume"], &["table.json", "fss-challenge-table/1"]);
     refused(&["challenge", "--seeds", "5..5"], &["holds no seed"]);
     refused(&["challenge", "--seeds", "five"], &["1..300"]);
 }

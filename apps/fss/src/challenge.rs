@@ -1,29 +1,39 @@
 //! `fss challenge`: a game that the project plays against itself.
 //!
-//! A seed seals an effect in an envelope. The stack flies its experiments in a laboratory that has this effect, without
-//! knowing; the diagnosis gets the logs and the plant file, nothing else. Then the envelope is opened.
+//! A seed draws a vehicle and seals an effect in an envelope. The stack flies its experiments in a laboratory that has this
+//! effect, without knowing; the diagnosis gets the logs and the vehicle's plant file, nothing else. Then the envelope is opened.
 
 mod answer;
+mod dose;
+mod experiments;
 mod gates;
-mod hidden;
+mod laboratory;
+mod path;
 mod play;
+mod prediction;
+mod record;
 mod score;
+mod secret;
+mod separability;
 mod story;
-mod survey;
-pub mod twins;
+mod table;
+mod vehicle;
 
-use crate::files::write_silently;
+use crate::files::{read_plant, write_silently};
 use clap::Args;
+use experiments::EXPERIMENTS;
+use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use play::{EXPERIMENTS, Game, Played};
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use miette::{IntoDiagnostic, Report, Result, miette};
+use play::{Game, Manner, Played};
+use serde::Serialize;
+use std::num::NonZero;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::available_parallelism;
 use std::time::Duration;
+use table::Seeds;
 
 /// Hide an effect, fly experiments against it, diagnose their logs, and score the answer.
 #[derive(Args)]
@@ -37,10 +47,11 @@ pub struct ChallengeArgs {
     /// Fly only these experiments, and the one for validation: the fewer, the more stays undecided.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_values = EXPERIMENTS, value_parser = EXPERIMENTS)]
     experiments: Vec<String>,
-    /// Folder for logs and envelope; of many seeds, one folder each. Where absent, out/challenge-S, or none for many.
+    /// Folder for logs and envelope, or out/challenge-S. Of many seeds one folder each, without logs, or none.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Plant file: what the laboratory believes.
+    /// Plant file of the vehicle that every seed flies. Where absent, a third of the seeds fly the built-in vehicle and the others
+    /// draw one.
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
     /// Write the result as JSON here.
@@ -68,7 +79,7 @@ pub fn run(args: &ChallengeArgs) -> Result<()> {
     }
 }
 
-/// One seed, told as a story.
+/// The file of one seed.
 #[derive(Serialize)]
 struct OneFile<'a> {
     format: &'static str,
@@ -76,76 +87,63 @@ struct OneFile<'a> {
     played: &'a Played,
 }
 
+fn game(args: &ChallengeArgs) -> Result<Game> {
+    let plant = match &args.plant {
+        Some(path) => read_plant(path)?.nominal(),
+        None => Plant::default_laboratory().into_diagnostic()?,
+    };
+    Ok(Game { plant, draws_vehicles: args.plant.is_none(), experiments: args.experiments.clone() })
+}
+
 fn one(args: &ChallengeArgs, seed: u64) -> Result<()> {
     let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(format!("challenge-{seed}")));
     let bar = ProgressBar::new_spinner();
     bar.enable_steady_tick(Duration::from_millis(100));
-    bar.set_message("making ready");
-    let game = Game::new(args.plant.as_deref(), &args.experiments)?;
-    let played = game.play(seed, Some(&folder), None, &|what| bar.set_message(what.to_owned()))?;
+    let say = |what: &str| bar.set_message(what.to_owned());
+    let manner = Manner { folder: Some(&folder), keeps_logs: true, on_one_core: false, say: &say };
+    let played = game(args)?.play(seed, manner)?;
     bar.finish_and_clear();
     story::tell(&played, &folder);
-    let file = OneFile { format: "fss-challenge/1", played: &played };
-    args.json.as_ref().map_or(Ok(()), |path| write_json(path, &file))
+    let Some(path) = &args.json else { return Ok(()) };
+    let file = OneFile { format: "fss-challenge/2", played: &played };
+    write_silently(path, &serde_json::to_string_pretty(&file).into_diagnostic()?)
 }
 
-/// Many seeds: what was played, and the table of the gates.
-#[derive(Serialize, Deserialize)]
-struct ManyFile {
-    format: String,
-    #[serde(default = "all_experiments")]
-    experiments: Vec<String>,
-    seeds: Vec<Played>,
-    #[serde(skip_deserializing)]
-    gates: Vec<gates::Gate>,
-}
-
-/// Fewer seeds are told by their plain dose.
-const WORTH_A_SURVEY: usize = 10;
-const MANY_FORMAT: &str = "fss-challenge-table/1";
-
-fn all_experiments() -> Vec<String> {
-    EXPERIMENTS.map(str::to_owned).to_vec()
-}
-
+/// Plays many seeds, as many at a time as there are cores.
 fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
-    let played = Mutex::new(if args.resume { resumed(args)? } else { BTreeMap::new() });
-    let left: Vec<u64> = seeds.clone().filter(|seed| locked(&played).get(seed).is_none()).collect();
+    let resumed = match &args.json {
+        Some(path) if args.resume => table::load(path, &args.experiments)?,
+        _ => Seeds::new(),
+    };
+    let left: Vec<u64> = seeds.clone().filter(|seed| !resumed.contains_key(seed)).collect();
     let bar = ProgressBar::new(left.len() as u64);
-    if let Ok(style) =
-        ProgressStyle::with_template("[{bar:40}] {pos} of {len} seeds, {elapsed} gone, {eta} to go {msg}")
-    {
+    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {pos} of {len} seeds, {elapsed} gone, {eta} to go") {
         bar.set_style(style.progress_chars("=> "));
     }
-    let mut game = Game::new(args.plant.as_deref(), &args.experiments)?;
-    if left.len() >= WORTH_A_SURVEY {
-        game = game.surveyed()?;
-    }
-    bar.reset();
     bar.enable_steady_tick(Duration::from_secs(1));
-    let failures = Mutex::new(Vec::new());
-    left.par_iter().for_each(|&seed| {
-        let folder = args.out.as_ref().map(|out| out.join(format!("seed-{seed}")));
-        match game.play(seed, folder.as_deref(), Some(1), &|_| ()) {
-            Ok(done) => {
-                let mut all = locked(&played);
-                all.insert(seed, done);
-                // What was played so far can be taken up again.
-                if let (Some(path), 0) = (&args.json, all.len() % 10) {
-                    let _ = save(path, &args.experiments, &all);
-                }
+    let game = game(args)?;
+    let (next, played, failures) = (Mutex::new(left.into_iter()), Mutex::new(resumed), Mutex::new(Vec::new()));
+    let player = || {
+        while let Some(seed) = { locked(&next).next() } {
+            if let Err(error) = play_and_save(args, &game, seed, &played) {
+                locked(&failures).push((seed, error));
             }
-            Err(error) => locked(&failures).push((seed, error)),
+            bar.inc(1);
         }
-        bar.inc(1);
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..available_parallelism().map_or(1, NonZero::get) {
+            scope.spawn(&player);
+        }
     });
     bar.finish_and_clear();
-    let played = played.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let failures = failures.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let asked: Vec<&Played> = played.iter().filter(|(seed, _)| seeds.contains(seed)).map(|(_, p)| p).collect();
+    let played = played.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let failures: Vec<(u64, Report)> = failures.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let asked: Vec<&Played> = played.range(seeds).map(|(_, played)| played).collect();
     gates::print(&asked);
+    story::misses(&asked);
     if let Some(path) = &args.json {
-        save(path, &args.experiments, &played)?;
+        table::save(path, &args.experiments, &played)?;
         say!("{}", path.display());
     }
     for (seed, error) in &failures {
@@ -154,37 +152,16 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     if failures.is_empty() { Ok(()) } else { Err(miette!("{} seeds could not be played", failures.len())) }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+/// Plays one of many seeds on one core; logs are gone when it is over, and what was played is in the file.
+fn play_and_save(args: &ChallengeArgs, game: &Game, seed: u64, all: &Mutex<Seeds>) -> Result<()> {
+    let folder = args.out.as_ref().map(|out| out.join(format!("seed-{seed}")));
+    let manner = Manner { folder: folder.as_deref(), keeps_logs: false, on_one_core: true, say: &|_| () };
+    let played = game.play(seed, manner)?;
+    let mut all = locked(all);
+    all.insert(seed, played);
+    args.json.as_ref().map_or(Ok(()), |path| table::save(path, &args.experiments, &all))
 }
 
-fn resumed(args: &ChallengeArgs) -> Result<BTreeMap<u64, Played>> {
-    let Some(path) = args.json.as_ref().filter(|path| path.exists()) else { return Ok(BTreeMap::new()) };
-    let text =
-        std::fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
-    let file: ManyFile = serde_json::from_str(&text)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot go on from {}", path.display()))?;
-    if file.format != MANY_FORMAT {
-        return Err(miette!("{}: its format is '{}', not '{MANY_FORMAT}'", path.display(), file.format));
-    }
-    if file.experiments != args.experiments {
-        let (there, asked) = (file.experiments.join(","), args.experiments.join(","));
-        return Err(miette!(
-            help = "give another --json file, or --experiments {there}",
-            "{}: its seeds flew {there}, not {asked}",
-            path.display()
-        ));
-    }
-    Ok(file.seeds.into_iter().map(|played| (played.hidden.seed, played)).collect())
-}
-
-fn save(path: &Path, experiments: &[String], played: &BTreeMap<u64, Played>) -> Result<()> {
-    let seeds: Vec<Played> = played.values().cloned().collect();
-    let gates = gates::table(&seeds.iter().collect::<Vec<_>>());
-    write_json(path, &ManyFile { format: MANY_FORMAT.to_owned(), experiments: experiments.to_vec(), seeds, gates })
-}
-
-fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    write_silently(path, &serde_json::to_string_pretty(value).into_diagnostic()?)
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -5,7 +5,8 @@
 //! differently, over noise and disturbance and with the windows' initial states taken off, is how well that maneuver
 //! separates their causes; the pair that it separates worst counts.
 
-use crate::challenge::twins::{Difference, Twins};
+mod twins;
+
 use crate::diagnose::log;
 use crate::diagnose::read::{Cause, Diagnosis, read};
 use crate::files::{PlantAndAnswer, write, write_silently};
@@ -17,6 +18,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use twins::{Difference, Twins};
 
 /// An alternative less probable than this is decided already.
 const STILL_POSSIBLE: f64 = 0.02;

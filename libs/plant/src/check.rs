@@ -245,6 +245,10 @@ fn surroundings(plant: &Plant) -> Check {
         non_negative("disturbance/force_std_N", d.force_std_n)?;
         non_negative("disturbance/torque_std_N_m", d.torque_std_n_m)?;
         positive("disturbance/correlation_s", d.correlation_s)?;
+        if let Some(second) = &d.second {
+            fraction("disturbance/second/variance_share", second.variance_share)?;
+            positive("disturbance/second/correlation_s", second.correlation_s)?;
+        }
     }
     if let Some(target) = &plant.target {
         positive("target/mass_kg", target.mass_kg)?;

@@ -57,7 +57,7 @@ pub use file::{DEFAULT_PLANT, Plant};
 pub use friction::Friction;
 pub use instruments::{Instruments, LinkSample};
 pub use kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
-pub use parts::{Base, Battery, Disturbance, Link, Sensors, Servo, Table, Tank, Target, Uncertainty};
+pub use parts::{Base, Battery, Disturbance, Link, SecondProcess, Sensors, Servo, Table, Tank, Target, Uncertainty};
 pub use physics::{
     BaseLaw, BaseMotion, BasePhysics, Grasped, JointLaw, JointPhysics, LinkPhysics, Physics, SensorPhysics, Stream,
     SupplyPhysics, ThrusterPhysics,

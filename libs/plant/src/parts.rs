@@ -310,7 +310,7 @@ pub struct Uncertainty {
     pub thrust_n: f64,
 }
 
-/// `[disturbance]`: room air on the base, an Ornstein-Uhlenbeck process in each component.
+/// `[disturbance]`: room air on the base, an Ornstein-Uhlenbeck process in each component, or the sum of two.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Disturbance {
@@ -321,6 +321,19 @@ pub struct Disturbance {
     #[serde(rename = "torque_std_N_m", default)]
     pub torque_std_n_m: f64,
     /// Correlation time (s).
+    pub correlation_s: f64,
+    /// `[disturbance.second]`: a share of the variance that has another correlation time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<SecondProcess>,
+}
+
+/// `[disturbance.second]`: a second Ornstein-Uhlenbeck process, independent of the first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SecondProcess {
+    /// Its share of the variance of force and torque, 0 to 1; the first process has the rest.
+    pub variance_share: f64,
+    /// Its correlation time (s).
     pub correlation_s: f64,
 }
 

@@ -3,13 +3,15 @@
 //! It is asked as a user asks it: `fss diagnose` in a process of its own, which gets the logs and the plant file and
 //! answers in JSON. So no secret can leak to it.
 
-use super::hidden::Record;
-use crate::diagnose::read::{Cause, ONSET, read};
+use super::record::Record;
 use crate::files::this_program;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// Name of the parameter that says when an effect begins, s.
+const ONSET: &str = "onset_s";
 
 /// A cause that the diagnosis asserts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -21,8 +23,22 @@ pub struct Said {
     pub std: BTreeMap<String, f64>,
     /// How sure it is.
     pub probability: f64,
-    /// What else it could be, and how likely.
-    pub alternatives: Vec<(Record, f64)>,
+    /// What else it could be.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// What could stand in the place of a cause.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Alternative {
+    /// What it is.
+    #[serde(flatten)]
+    pub record: Record,
+    /// Standard deviations of its values, where they are given.
+    pub std: BTreeMap<String, f64>,
+    /// How likely it is.
+    pub probability: f64,
+    /// Whether the data cannot tell it from the cause at all.
+    pub is_equivalent: bool,
 }
 
 /// The answer.
@@ -32,33 +48,76 @@ pub struct Answer {
     pub verdict: String,
     /// Strongest first.
     pub causes: Vec<Said>,
-    /// RMS over the noise floor on the validation run with the plant file, and with the extended model.
-    pub ratio_before: f64,
-    /// See `ratio_before`.
-    pub ratio_after: f64,
+    /// RMS over the noise floor on the validation run with the plant file; absent where it gives none.
+    pub ratio_before: Option<f64>,
+    /// The same with the extended model.
+    pub ratio_after: Option<f64>,
 }
 
-fn record(cause: &Cause) -> Record {
-    Record {
-        effect: cause.effect.clone(),
-        index: cause.index,
-        channel: cause.channel.clone(),
-        onset_s: cause.parameters.get(ONSET).map(|onset| onset.value),
-        parameters: cause
-            .parameters
-            .iter()
-            .filter(|(name, _)| *name != ONSET)
-            .map(|(name, p)| (name.clone(), p.value))
-            .collect(),
+/// `fss-diagnosis/1`, as far as a game reads it.
+#[derive(Deserialize)]
+struct DiagnosisFile {
+    verdict: String,
+    causes: Vec<CauseFile>,
+    #[serde(default)]
+    gain: GainFile,
+}
+
+#[derive(Default, Deserialize)]
+struct GainFile {
+    ratio_before: Option<f64>,
+    ratio_after: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct CauseFile {
+    effect: String,
+    index: Option<usize>,
+    channel: Option<String>,
+    probability: f64,
+    #[serde(default)]
+    equivalent: bool,
+    #[serde(default)]
+    parameters: BTreeMap<String, ParameterFile>,
+    #[serde(default)]
+    alternatives: Vec<Self>,
+}
+
+#[derive(Deserialize)]
+struct ParameterFile {
+    value: f64,
+    std: Option<f64>,
+}
+
+impl CauseFile {
+    fn record(&self) -> Record {
+        let values = self.parameters.iter().filter(|(name, _)| *name != ONSET);
+        Record {
+            effect: self.effect.clone(),
+            index: self.index,
+            channel: self.channel.clone(),
+            onset_s: self.parameters.get(ONSET).map(|onset| onset.value),
+            parameters: values.map(|(name, p)| (name.clone(), p.value)).collect(),
+        }
     }
-}
 
-fn said(cause: &Cause) -> Said {
-    Said {
-        record: record(cause),
-        std: cause.parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect(),
-        probability: cause.probability,
-        alternatives: cause.alternatives.iter().map(|other| (record(other), other.probability)).collect(),
+    fn std(&self) -> BTreeMap<String, f64> {
+        self.parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect()
+    }
+
+    fn said(&self) -> Said {
+        let alternative = |other: &Self| Alternative {
+            record: other.record(),
+            std: other.std(),
+            probability: other.probability,
+            is_equivalent: other.equivalent,
+        };
+        Said {
+            record: self.record(),
+            std: self.std(),
+            probability: self.probability,
+            alternatives: self.alternatives.iter().map(alternative).collect(),
+        }
     }
 }
 
@@ -81,11 +140,38 @@ pub fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usi
     if !done.status.success() {
         return Err(miette!("the diagnosis failed: {}", String::from_utf8_lossy(&done.stderr).trim()));
     }
-    let diagnosis = read(&json)?;
+    let text =
+        std::fs::read_to_string(&json).into_diagnostic().wrap_err_with(|| format!("cannot read {}", json.display()))?;
+    read(&text).wrap_err_with(|| format!("cannot understand {}", json.display()))
+}
+
+/// Reads what the diagnosis wrote.
+fn read(text: &str) -> Result<Answer> {
+    let file: DiagnosisFile = serde_json::from_str(text).into_diagnostic()?;
     Ok(Answer {
-        causes: diagnosis.causes.iter().map(said).collect(),
-        verdict: diagnosis.verdict,
-        ratio_before: diagnosis.gain.ratio_before.unwrap_or(f64::MAX),
-        ratio_after: diagnosis.gain.ratio_after.unwrap_or(f64::MAX),
+        causes: file.causes.iter().map(CauseFile::said).collect(),
+        verdict: file.verdict,
+        ratio_before: file.gain.ratio_before,
+        ratio_after: file.gain.ratio_after,
     })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_alternative_that_the_data_cannot_tell_apart_is_read_as_one() {
+        let text = r#"{ "format": "fss-diagnosis/1", "verdict": "explained", "gain": { "noise_floor": 1.0 },
+            "causes": [ { "effect": "mocap_latency", "probability": 0.6, "more": [],
+                "parameters": { "delay_s": { "value": 0.03, "std": 0.001 }, "onset_s": { "value": 4 } },
+                "alternatives": [ { "effect": "clock_offset", "channel": "mocap", "probability": 0.4, "equivalent": true },
+                                  { "effect": "thruster_delay", "index": 2, "probability": 0.001 } ] } ] }"#;
+        let answer = read(text).unwrap();
+        let said = &answer.causes[0];
+        assert_eq!((said.record.onset_s, said.std["delay_s"]), (Some(4.0), 0.001));
+        assert!(said.alternatives[0].is_equivalent && !said.alternatives[1].is_equivalent);
+        assert_eq!(answer.ratio_after, None);
+    }
 }

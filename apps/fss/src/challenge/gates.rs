@@ -1,16 +1,18 @@
 //! The table of the gates: how often the answers were right, over many seeds.
 
-use super::hidden::{HiddenEffect, Kind};
 use super::play::Played;
-use super::score::VISIBLE_DOSE;
-use super::story;
+use super::record::{CLEAR_DOSE, Kind};
 use serde::Serialize;
+use std::ops::RangeInclusive;
 
-/// Doses that count as about 1, and from which an effect must be found.
+/// Doses that count as about 1.
 const ABOUT_ONE: std::ops::Range<f64> = 0.7..1.4;
-const CLEAR_DOSE: f64 = 2.0;
+/// Most members of an undecided set.
+const MOST_MEMBERS: usize = 3;
 /// Bins of the probabilities' calibration.
 const BINS: usize = 5;
+/// Fewer values make no median, no coverage and no calibration.
+const ENOUGH: usize = 20;
 
 /// One gate: what was reached, and what must be.
 #[derive(Clone, Debug, Serialize)]
@@ -19,27 +21,58 @@ pub struct Gate {
     pub name: &'static str,
     /// The figure: a share, or a ratio.
     pub value: Option<f64>,
-    /// Cases that count, and the 90 % interval of the share (Wilson).
+    /// Cases that count.
     pub cases: usize,
-    /// See `cases`.
+    /// Fewer cases decide nothing: with fewer a single miss would.
+    pub cases_needed: usize,
+    /// The 90 % interval of a share (Wilson).
     pub interval: Option<(f64, f64)>,
-    /// What must be reached.
-    #[serde(rename = "gate")]
-    pub pass: f64,
-    /// What would be fine.
-    pub stretch: f64,
-    /// `short`, `PASS`, `stretch`, or `-` without a case.
+    /// Least and largest value that pass.
+    pub gate: (f64, f64),
+    /// `PASS`, `short`, or `too few` cases.
     pub mark: &'static str,
     #[serde(skip)]
     is_share: bool,
 }
 
 impl Gate {
-    fn share(name: &'static str, cases: impl Iterator<Item = bool>, gate: f64, stretch: f64) -> Self {
+    fn new(
+        name: &'static str,
+        value: Option<f64>,
+        cases: usize,
+        gate: RangeInclusive<f64>,
+        cases_needed: usize,
+    ) -> Self {
+        let mark = match value {
+            Some(value) if cases >= cases_needed => {
+                if gate.contains(&value) {
+                    "PASS"
+                } else {
+                    "short"
+                }
+            }
+            _ => "too few",
+        };
+        let gate = gate.into_inner();
+        Self { name, value, cases, cases_needed, interval: None, gate, mark, is_share: false }
+    }
+
+    /// The share of cases that are true.
+    fn share(name: &'static str, cases: impl Iterator<Item = bool>, gate: RangeInclusive<f64>) -> Self {
         let cases: Vec<bool> = cases.collect();
         let (n, hits) = (cases.len(), cases.iter().filter(|hit| **hit).count());
         let value = (n > 0).then(|| hits as f64 / n as f64);
-        Self { interval: (n > 0).then(|| wilson(hits, n)), ..Self::figure(name, value, n, gate, stretch) }.in_percent()
+        // So many cases that the gate allows one miss.
+        let misses = if *gate.start() > 0.0 { 1.0 - gate.start() } else { *gate.end() };
+        let needed = (1.0 / misses - 1e-9).ceil() as usize;
+        let is_two_sided = *gate.start() > 0.0 && *gate.end() < 1.0;
+        let needed = if is_two_sided { needed.max(ENOUGH) } else { needed };
+        Self { interval: (n > 0).then(|| wilson(hits, n)), ..Self::new(name, value, n, gate, needed) }.in_percent()
+    }
+
+    /// The median of values, which must not be larger than `most`.
+    fn median(name: &'static str, values: &[f64], most: f64) -> Self {
+        Self::new(name, median(values), values.len(), 0.0..=most, ENOUGH)
     }
 
     fn in_percent(mut self) -> Self {
@@ -47,16 +80,18 @@ impl Gate {
         self
     }
 
-    fn figure(name: &'static str, value: Option<f64>, cases: usize, gate: f64, stretch: f64) -> Self {
-        // Where more is better, the stretch lies above the gate.
-        let reaches = |value: f64, goal: f64| if stretch > gate { value >= goal } else { value <= goal };
-        let mark = match value {
-            None => "-",
-            Some(value) if reaches(value, stretch) => "stretch",
-            Some(value) if reaches(value, gate) => "PASS",
-            Some(_) => "short",
-        };
-        Self { name, value, cases, interval: None, pass: gate, stretch, mark, is_share: false }
+    fn number(&self, value: f64) -> String {
+        if self.is_share { format!("{:.1} %", value * 100.0) } else { format!("{value:.2}") }
+    }
+
+    /// The gate in words.
+    fn asked(&self) -> String {
+        let (least, most) = self.gate;
+        match (least > 0.0, self.is_share && most >= 1.0) {
+            (true, true) => format!(">= {}", self.number(least)),
+            (true, false) => format!("{:.0} to {:.0} %", least * 100.0, most * 100.0),
+            _ => format!("<= {}", self.number(most)),
+        }
     }
 }
 
@@ -71,64 +106,40 @@ fn wilson(hits: usize, n: usize) -> (f64, f64) {
 
 /// The table of the seeds that were played.
 pub fn table(played: &[&Played]) -> Vec<Gate> {
-    let dose = |p: &Played| p.hidden.effects.iter().map(HiddenEffect::clear_dose).fold(0.0, f64::max);
-    let least = |p: &Played| p.hidden.effects.iter().map(HiddenEffect::clear_dose).fold(f64::INFINITY, f64::min);
     let of = |kind: Kind| played.iter().copied().filter(move |p| p.hidden.kind == kind);
-    let catalogued = || played.iter().copied().filter(|p| matches!(p.hidden.kind, Kind::One | Kind::Two));
-    let clear_one = || of(Kind::One).filter(|p| dose(p) >= CLEAR_DOSE);
-    let right = || catalogued().filter(|p| dose(p) >= CLEAR_DOSE);
-    let errors: Vec<f64> = right().flat_map(|p| p.score.errors.iter().copied()).collect();
-    let ratios: Vec<f64> = right().filter(|p| p.score.first_is_right).map(|p| p.said.ratio_after).collect();
+    let has_clear_dose = |p: &&Played| p.hidden.largest_dose() >= CLEAR_DOSE;
+    let clear_one = || of(Kind::One).filter(has_clear_dose);
+    let separable = || clear_one().filter(|p| p.hidden.effects.iter().all(|e| e.is_separable != Some(false)));
+    let clear =
+        || played.iter().copied().filter(|p| matches!(p.hidden.kind, Kind::One | Kind::Two)).filter(has_clear_dose);
+    let errors: Vec<f64> = clear().flat_map(|p| p.score.errors.iter().copied()).collect();
+    let ratios: Vec<f64> = clear().filter(|p| p.score.first_is_right).filter_map(|p| p.said.ratio_after).collect();
     let claims: Vec<(f64, bool)> = played.iter().flat_map(|p| p.score.claims.iter().copied()).collect();
-    let named = || {
-        let wrong = |p: &Played| (0..p.score.named).map(|i| i < p.score.named_wrongly).collect::<Vec<_>>();
-        played.iter().flat_map(move |p| wrong(p))
-    };
-    let covered = right().flat_map(|p| p.score.covered.iter().copied());
-    let mut coverage = Gate::share("90 % interval holds the value, d >= 2", covered, 0.85, 0.88);
-    if coverage.value.is_some_and(|value| value > 0.95) && coverage.cases >= 20 {
-        coverage.mark = "short";
-    }
+    let asserted = |p: &&Played| (0..p.score.asserted).map(|i| i < p.score.asserted_wrongly).collect::<Vec<_>>();
+    let sets = clear().flat_map(|p| p.score.sets.iter().map(|(holds, count)| *holds && *count <= MOST_MEMBERS));
+    let about_one = of(Kind::One).filter(|p| ABOUT_ONE.contains(&p.hidden.largest_dose()));
+    let both = of(Kind::Two).filter(|p| p.hidden.smallest_dose() >= CLEAR_DOSE);
     vec![
-        Gate::share("false alarms where nothing is hidden", of(Kind::None).map(|p| p.score.detected), 0.02, 0.01),
+        Gate::share("false alarms where nothing is hidden", of(Kind::None).map(|p| p.score.detected), 0.0..=0.01),
+        Gate::share("detected, d about 1", about_one.map(|p| p.score.detected), 0.85..=1.0),
+        Gate::share("detected, d >= 2", clear_one().map(|p| p.score.detected), 0.97..=1.0),
+        Gate::share("right cause first, d >= 2, separable", separable().map(|p| p.score.first_is_right), 0.95..=1.0),
+        Gate::share("wrong among all asserted", played.iter().flat_map(asserted), 0.0..=0.02),
+        Gate::median("median parameter error, d >= 2", &errors, 0.05).in_percent(),
         Gate::share(
-            "detected, d about 1",
-            of(Kind::One).filter(|p| ABOUT_ONE.contains(&dose(p))).map(|p| p.score.detected),
-            0.70,
-            0.85,
+            "90 % interval holds the value, d >= 2",
+            clear().flat_map(|p| p.score.covered.iter().copied()),
+            0.86..=0.94,
         ),
-        Gate::share("detected, d >= 2", clear_one().map(|p| p.score.detected), 0.97, 0.99),
-        Gate::share(
-            "right cause first, d >= 2, separable",
-            clear_one()
-                .filter(|p| p.hidden.effects.iter().all(|e| e.is_separable != Some(false)))
-                .map(|p| p.score.first_is_right),
-            0.90,
-            0.97,
-        ),
-        Gate::share("wrong among those named", named(), 0.03, 0.01),
-        Gate::figure("median parameter error, d >= 2", median(&errors), errors.len(), 0.10, 0.05).in_percent(),
-        coverage,
-        Gate::share(
-            "two effects, both right, d >= 2",
-            of(Kind::Two).filter(|p| least(p) >= CLEAR_DOSE).map(|p| p.score.all_are_right),
-            0.70,
-            0.85,
-        ),
+        Gate::share("two effects, both right, d >= 2", both.map(|p| p.score.all_are_right), 0.85..=1.0),
         Gate::share(
             "outside the catalogue, says so, d >= 2",
-            of(Kind::Outside).filter(|p| dose(p) >= CLEAR_DOSE).map(|p| p.score.says_unexplained),
-            0.80,
-            0.95,
+            of(Kind::Outside).filter(has_clear_dose).map(|p| p.score.says_unexplained),
+            0.95..=1.0,
         ),
-        Gate::share(
-            "undecided: the set holds the truth, at most 3",
-            right().filter_map(|p| p.score.set).map(|(holds, count)| holds && count <= 3),
-            0.95,
-            0.99,
-        ),
-        Gate::figure("median RMS over noise floor after extending", median(&ratios), ratios.len(), 1.3, 1.1),
-        Gate::figure("calibration error of the probabilities", calibration(&claims), claims.len(), 0.05, 0.03),
+        Gate::share("undecided: the set holds the truth, at most 3", sets, 0.95..=1.0),
+        Gate::median("median RMS over noise floor after extending", &ratios, 1.1),
+        Gate::new("calibration error of the probabilities", calibration(&claims), claims.len(), 0.0..=0.03, ENOUGH),
     ]
 }
 
@@ -151,48 +162,55 @@ fn calibration(claims: &[(f64, bool)]) -> Option<f64> {
     (!claims.is_empty()).then(|| apart / claims.len() as f64)
 }
 
-/// Prints the table and the misses.
+/// Prints the table.
 pub fn print(played: &[&Played]) {
-    say!("{} seeds\n", played.len());
-    say!("{:<46} {:>8} {:>15} {:>6} {:>7} {:>8}", "", "reached", "90 % interval", "cases", "gate", "stretch");
+    let own = played.iter().filter(|p| p.hidden.is_own_vehicle).count();
+    say!("{} seeds, {own} of them with the plant file's own vehicle\n", played.len());
+    say!("{:<46} {:>8} {:>15} {:>6} {:>12}", "", "reached", "90 % interval", "cases", "gate");
     for gate in table(played) {
-        let number = |value: f64| if gate.is_share { format!("{:.1} %", value * 100.0) } else { format!("{value:.2}") };
         let interval =
             gate.interval.map_or_else(String::new, |(a, b)| format!("{:.0} to {:.0} %", a * 100.0, b * 100.0));
-        say!(
-            "{:<46} {:>8} {:>15} {:>6} {:>7} {:>8}  {}",
-            gate.name,
-            gate.value.map_or_else(|| "-".to_owned(), number),
-            interval,
-            gate.cases,
-            number(gate.pass),
-            number(gate.stretch),
-            gate.mark
-        );
+        let reached = gate.value.map_or_else(|| "-".to_owned(), |value| gate.number(value));
+        let mark = match gate.mark {
+            "too few" => format!("too few: {} of {}", gate.cases, gate.cases_needed),
+            mark => mark.to_owned(),
+        };
+        say!("{:<46} {reached:>8} {interval:>15} {:>6} {:>12}  {mark}", gate.name, gate.cases, gate.asked());
     }
-    let misses: Vec<&&Played> = played.iter().filter(|p| is_miss(p)).collect();
-    say!("\n{} misses", misses.len());
-    for p in misses {
-        let hidden: Vec<_> =
-            p.hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.clear_dose())).collect();
-        let said: Vec<_> =
-            p.said.causes.iter().map(|c| format!("{} {:.0} %", c.record, c.probability * 100.0)).collect();
-        let or = |list: Vec<String>, none: &str| if list.is_empty() { none.to_owned() } else { list.join(" and ") };
-        say!("  seed {:<5} hidden: {}", p.hidden.seed, or(hidden, "nothing"));
-        say!("             said: {}, {}", p.said.verdict, or(said, "no cause"));
-        say!("             {}", story::verdict(p));
-    }
+    let mean = |of: fn(&Played) -> f64| played.iter().map(|p| of(p)).sum::<f64>() / played.len().max(1) as f64;
+    say!(
+        "\nA game took {:.1} s to draw, {:.1} s to fly and {:.1} s to diagnose.",
+        mean(|p| p.drawn_in_s),
+        mean(|p| p.flown_in_s),
+        mean(|p| p.diagnosed_in_s)
+    );
 }
 
-/// Whether the answer falls short of what could be asked for.
-fn is_miss(p: &Played) -> bool {
-    let dose = p.hidden.effects.iter().map(HiddenEffect::clear_dose).fold(0.0, f64::max);
-    p.score.named_wrongly > 0
-        || match p.hidden.kind {
-            _ if dose < VISIBLE_DOSE => p.score.detected,
-            _ if dose < CLEAR_DOSE => false,
-            Kind::Outside => !p.score.says_unexplained,
-            Kind::Two => !p.score.all_are_right,
-            _ => !p.score.first_is_right,
-        }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gate_that_one_miss_would_decide_says_that_there_are_too_few_cases() {
+        let share = |hits: usize, n: usize, gate| Gate::share("", (0..n).map(|i| i < hits), gate);
+        assert_eq!(share(0, 99, 0.0..=0.01).mark, "too few");
+        assert_eq!(share(1, 100, 0.0..=0.01).mark, "PASS");
+        assert_eq!(share(2, 100, 0.0..=0.01).mark, "short");
+        assert_eq!(share(33, 34, 0.97..=1.0).mark, "PASS");
+        assert_eq!(share(33, 33, 0.97..=1.0).mark, "too few");
+        assert_eq!(share(0, 0, 0.95..=1.0).mark, "too few");
+    }
+
+    #[test]
+    fn intervals_that_hold_too_much_are_as_short_as_those_that_hold_too_little() {
+        let coverage = |hits: usize| Gate::share("", (0..100).map(|i| i < hits), 0.86..=0.94).mark;
+        assert_eq!([coverage(80), coverage(90), coverage(99)], ["short", "PASS", "short"]);
+    }
+
+    #[test]
+    fn probabilities_that_come_true_as_often_as_they_say_are_calibrated() {
+        let claims = |right: usize| (0..100).map(|i| (0.9, i < right)).collect::<Vec<_>>();
+        assert!(calibration(&claims(90)).is_some_and(|error| error < 1e-9));
+        assert!(calibration(&claims(60)).is_some_and(|error| (error - 0.3).abs() < 1e-9));
+    }
 }

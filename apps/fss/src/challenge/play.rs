@@ -1,27 +1,21 @@
-//! One seed: seal, fly, diagnose, open.
+//! One seed: draw a vehicle, seal, fly, diagnose, open.
 
 use super::answer::{Answer, answer};
-use super::hidden::{Envelope, draw};
+use super::experiments::{Experiment, of_vehicle};
+use super::record::Envelope;
 use super::score::{Score, score};
-use super::survey::Survey;
-use super::twins::Twins;
-use crate::diagnose::log;
+use super::{laboratory, secret, vehicle};
 use crate::files::write_silently;
 use crate::run::fast;
-use crate::run::stack::Stack;
-use fss_lab::Network;
+use crate::run::stack::{DEFAULT_LAUNCH, Stack};
 use fss_plant::Plant;
-use indicatif::{ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, Result, WrapErr};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use toml::{Table, Value};
 
-/// The experiments that are flown, unless fewer are asked for.
-pub const EXPERIMENTS: [&str; 5] = ["coast", "single-joint", "excitation", "thrusters", "mixed"];
-/// One more, kept for judging the extended model.
-const VALIDATION: &str = "validation";
 /// The sealed envelope's name in the folder of a game.
 pub const ENVELOPE_FILE: &str = "sealed.json";
 
@@ -34,97 +28,111 @@ pub struct Played {
     pub said: Answer,
     /// How good that is.
     pub score: Score,
-    /// What flying and diagnosing took, s.
+    /// What drawing the vehicle and its secret took, s.
+    pub drawn_in_s: f64,
+    /// What flying took, s.
     pub flown_in_s: f64,
-    /// See `flown_in_s`.
+    /// What diagnosing took, s.
     pub diagnosed_in_s: f64,
 }
 
 /// What all seeds share.
 pub struct Game {
-    plant: Plant,
-    stacks: Vec<Stack>,
-    twins: Twins,
-    survey: Option<Survey>,
+    /// The vehicle of the plant file.
+    pub plant: Plant,
+    /// Whether other vehicles are drawn too.
+    pub draws_vehicles: bool,
+    /// Experiments to fly, without the one for validation.
+    pub experiments: Vec<String>,
+}
+
+/// How a seed is played.
+#[derive(Clone, Copy)]
+pub struct Manner<'a> {
+    /// Where logs and envelope are left, or nowhere.
+    pub folder: Option<&'a Path>,
+    /// Whether the logs stay.
+    pub keeps_logs: bool,
+    /// Whether the game takes one core only, so that others can be played beside it.
+    pub on_one_core: bool,
+    /// Hears what is going on.
+    pub say: &'a (dyn Fn(&str) + Sync),
 }
 
 impl Game {
-    /// Makes ready: flies these experiments once on the plant as its file says, to know what they command.
-    ///
-    /// # Errors
-    /// Where the plant file is refused or the experiments cannot be flown with it.
-    pub fn new(plant: Option<&Path>, experiments: &[String]) -> Result<Self> {
-        // Experiments are flown in a quiet radio band: when a command reaches its link cannot be told from a log, and what
-        // the joints do in that time shakes the base.
-        let quiet = Network { delay_s: 0.0045, jitter_s: 0.001, ..Network::default() };
-        let stack = |name: &str| {
-            let mut stack = Stack::load(None, plant, &format!("experiment-{name}"))?;
-            stack.faults.network.link_up = Some(quiet);
-            Ok(stack)
-        };
-        let names = experiments.iter().map(String::as_str).chain([VALIDATION]);
-        let stacks: Vec<Stack> = names.map(stack).collect::<Result<_>>()?;
-        let plant = stacks[0].plant.nominal();
-        let folder = Scratch::new("rehearsal")?;
-        let logs = fly(&stacks[..experiments.len()], &plant, 0, &folder.0)?;
-        let flights = logs.iter().map(|path| log::commands(path, &plant)).collect::<Result<_>>()?;
-        let twins = Twins::new(&plant, flights)?;
-        Ok(Self { plant, stacks, twins, survey: None })
-    }
-
-    /// The same with a survey of what the experiments can tell apart, which takes about a minute.
-    ///
-    /// # Errors
-    /// Where the plant is no mechanism.
-    pub fn surveyed(mut self) -> Result<Self> {
-        let bar = ProgressBar::new(Survey::size(&self.plant) as u64);
-        if let Ok(style) =
-            ProgressStyle::with_template("[{bar:40}] {pos} of {len} twin flights to survey the experiments")
-        {
-            bar.set_style(style.progress_chars("=> "));
-        }
-        self.survey = Some(Survey::new(&self.plant, &self.twins, &|| bar.inc(1))?);
-        bar.finish_and_clear();
-        Ok(self)
-    }
-
-    /// Plays a seed; logs and envelope are left in `folder`, or nowhere. The diagnosis takes `threads`, or all that there
-    /// are. `say` hears what is going on.
+    /// Plays a seed.
     ///
     /// # Errors
     /// Where the seed's laboratory cannot be flown or the diagnosis fails.
-    pub fn play(
-        &self,
-        seed: u64,
-        folder: Option<&Path>,
-        threads: Option<usize>,
-        say: &(dyn Fn(&str) + Sync),
-    ) -> Result<Played> {
-        say("sealing an envelope");
-        let secret = draw(seed, &self.plant, &self.twins, self.survey.as_ref())?;
-        let scratch = if folder.is_none() { Some(Scratch::new(&format!("seed-{seed}"))?) } else { None };
-        let folder = folder.or(scratch.as_ref().map(|s| s.0.as_path())).unwrap_or(Path::new("."));
+    pub fn play(&self, seed: u64, manner: Manner<'_>) -> Result<Played> {
+        (manner.say)("sealing an envelope");
+        let begun = Instant::now();
+        let (plant, is_own) =
+            if self.draws_vehicles { vehicle::draw(seed, &self.plant) } else { (self.plant.clone(), true) };
+        let experiments = of_vehicle(&plant, &self.experiments)?;
+        let (_validation, fitted) = experiments.split_last().ok_or_else(|| miette!("there is no experiment to fly"))?;
+        let paths = fitted.iter().map(|experiment| &experiment.path).collect();
+        let secret = secret::draw(seed, &plant, is_own, paths)?;
+        let room = laboratory::draw(seed, &plant)?.with_effects(&secret.effects);
+        let scratch = if manner.folder.is_none() { Some(Scratch::new(&format!("seed-{seed}"))?) } else { None };
+        let folder = manner.folder.or(scratch.as_ref().map(|s| s.0.as_path())).unwrap_or(Path::new("."));
         make(folder)?;
         let sealed = serde_json::to_string_pretty(&secret.envelope).into_diagnostic()?;
         write_silently(&folder.join(ENVELOPE_FILE), &sealed)?;
-        let plant = folder.join("plant.toml");
-        write_silently(&plant, &self.stacks[0].plant_text)?;
+        let stacks = stacks(&plant, &experiments, folder)?;
+        let drawn_in_s = begun.elapsed().as_secs_f64();
 
-        say("flying the experiments");
+        (manner.say)("flying the experiments");
         let begun = Instant::now();
-        let logs = fly(&self.stacks, &secret.laboratory, seed, folder)?;
+        let logs = fly(&stacks, &room, seed, folder, manner.on_one_core)?;
         let flown_in_s = begun.elapsed().as_secs_f64();
 
-        say("diagnosing the logs");
+        (manner.say)("diagnosing the logs");
         let begun = Instant::now();
-        let said = answer(&plant, &logs, folder, threads)?;
+        let said = answer(&folder.join(PLANT), &logs, folder, manner.on_one_core.then_some(1));
+        if !manner.keeps_logs {
+            for log in &logs {
+                std::fs::remove_file(log)
+                    .into_diagnostic()
+                    .wrap_err_with(|| format!("cannot remove {}", log.display()))?;
+            }
+        }
+        let said = said?;
         let score = score(&secret.envelope, &said);
-        Ok(Played { hidden: secret.envelope, said, score, flown_in_s, diagnosed_in_s: begun.elapsed().as_secs_f64() })
+        let diagnosed_in_s = begun.elapsed().as_secs_f64();
+        Ok(Played { hidden: secret.envelope, said, score, drawn_in_s, flown_in_s, diagnosed_in_s })
     }
 }
 
+/// The plant file in the folder of a game: what the diagnosis gets.
+const PLANT: &str = "plant.toml";
+
+/// Writes the vehicle's files into the folder and reads them as a user's: one stack for each experiment.
+fn stacks(plant: &Plant, experiments: &[Experiment], folder: &Path) -> Result<Vec<Stack>> {
+    let (plant_file, launch_file) = (folder.join(PLANT), folder.join("launch.toml"));
+    write_silently(&plant_file, &plant.to_toml().into_diagnostic()?)?;
+    write_silently(&launch_file, &launch_of(plant.link_count())?)?;
+    let stack = |experiment: &Experiment| {
+        let mission = folder.join(format!("{}.toml", experiment.name));
+        write_silently(&mission, &experiment.text)?;
+        Stack::load(Some(&launch_file), Some(&plant_file), &mission.to_string_lossy())
+    };
+    experiments.iter().map(stack).collect()
+}
+
+/// The program's launch file for a vehicle with so many links.
+fn launch_of(links: usize) -> Result<String> {
+    let mut launch: Table = toml::from_str(DEFAULT_LAUNCH).into_diagnostic()?;
+    if let Some(devices) = launch.get_mut("devices").and_then(Value::as_table_mut) {
+        // Nobody listens there: the laboratory flies in this process.
+        let addresses = (1..=links).map(|link| Value::String(format!("127.0.0.1:{}", 51100 + link))).collect();
+        devices.insert("links".to_owned(), Value::Array(addresses));
+    }
+    toml::to_string(&launch).into_diagnostic()
+}
+
 /// Flies the missions in a laboratory; gives their logs.
-fn fly(stacks: &[Stack], laboratory: &Plant, seed: u64, folder: &Path) -> Result<Vec<PathBuf>> {
+fn fly(stacks: &[Stack], laboratory: &Plant, seed: u64, folder: &Path, on_one_core: bool) -> Result<Vec<PathBuf>> {
     let flown = |(k, stack): (usize, &Stack)| {
         let folder = folder.join(&stack.mission_name);
         make(&folder)?;
@@ -132,7 +140,11 @@ fn fly(stacks: &[Stack], laboratory: &Plant, seed: u64, folder: &Path) -> Result
         fast::fly(stack, laboratory, &path, seed.wrapping_mul(16).wrapping_add(k as u64), |_| ())?;
         Ok(path)
     };
-    stacks.par_iter().enumerate().map(flown).collect()
+    if on_one_core {
+        stacks.iter().enumerate().map(flown).collect()
+    } else {
+        stacks.par_iter().enumerate().map(flown).collect()
+    }
 }
 
 fn make(folder: &Path) -> Result<()> {

@@ -1,15 +1,20 @@
-//! One game as a story.
+//! One game as a story, and the misses of many.
 
-use super::hidden::{Kind, short};
 use super::play::{ENVELOPE_FILE, Played};
-use super::score::VISIBLE_DOSE;
+use super::record::{CLEAR_DOSE, Kind, VISIBLE_DOSE, short};
 use std::path::Path;
 
 /// Tells what was said, what was hidden, and how good that is.
 pub fn tell(played: &Played, folder: &Path) {
     let Played { hidden, said, score, .. } = played;
-    say!("Challenge of seed {}", hidden.seed);
-    say!("  flown in {:.1} s, diagnosed in {:.1} s\n", played.flown_in_s, played.diagnosed_in_s);
+    let vehicle = if hidden.is_own_vehicle { "the plant file's vehicle" } else { "a drawn vehicle" };
+    say!("Challenge of seed {}: {vehicle}, {} links", hidden.seed, hidden.links);
+    say!(
+        "  drawn in {:.1} s, flown in {:.1} s, diagnosed in {:.1} s\n",
+        played.drawn_in_s,
+        played.flown_in_s,
+        played.diagnosed_in_s
+    );
     say!("The diagnosis says: {}", said.verdict.replace('_', " "));
     for cause in &said.causes {
         say!("  {:3.0} %  {}", cause.probability * 100.0, cause.record);
@@ -18,22 +23,22 @@ pub fn tell(played: &Played, folder: &Path) {
                 say!("           {name} = {} +- {}", short(*value), short(*std));
             }
         }
-        for (record, probability) in &cause.alternatives {
-            say!("    or {:3.0} %  {record}", probability * 100.0);
+        for other in &cause.alternatives {
+            let words = if other.is_equivalent { ", which the data cannot tell from it" } else { "" };
+            say!("    or {:3.0} %  {}{words}", other.probability * 100.0, other.record);
         }
     }
-    say!(
-        "  RMS over the noise floor on the validation run: {:.2}, with its model {:.2}\n",
-        said.ratio_before,
-        said.ratio_after
-    );
+    if let (Some(before), Some(after)) = (said.ratio_before, said.ratio_after) {
+        say!("  RMS over the noise floor on the validation run: {before:.2}, with its model {after:.2}");
+    }
 
-    say!("The envelope ({}) says:", folder.join(ENVELOPE_FILE).display());
+    say!("\nThe envelope ({}) says:", folder.join(ENVELOPE_FILE).display());
     if hidden.effects.is_empty() {
         say!("  nothing is hidden");
     }
     for effect in &hidden.effects {
-        say!("  {}, dose {:.2}", effect.record, effect.dose);
+        let note = if effect.is_separable == Some(false) { ", not separable from every other effect" } else { "" };
+        say!("  {}, dose {:.2}{note}", effect.record, effect.dose_beyond_tolerance);
     }
     say!("\n{}", verdict(played));
     if let Some(error) = score.errors.first() {
@@ -42,13 +47,13 @@ pub fn tell(played: &Played, folder: &Path) {
     }
 }
 
-/// The judgement, in one sentence.
-pub fn verdict(played: &Played) -> String {
+/// The judgement, in one or two sentences.
+fn verdict(played: &Played) -> String {
     let Played { hidden, score, .. } = played;
-    let is_visible = hidden.effects.iter().any(|e| e.clear_dose() >= VISIBLE_DOSE);
-    let wrongly = match score.named_wrongly {
+    let is_visible = hidden.largest_dose() >= VISIBLE_DOSE;
+    let wrongly = match score.asserted_wrongly {
         0 => String::new(),
-        n => format!(" It is sure of {n} that is not there."),
+        n => format!(" It asserts {n} that is not there."),
     };
     // What hardly shows may be seen.
     let is_there = score.first_is_right || (hidden.kind == Kind::Outside && score.says_unexplained);
@@ -61,11 +66,42 @@ pub fn verdict(played: &Played) -> String {
         Kind::Two if score.all_are_right => "Right: it has found both.",
         Kind::Two if score.first_is_right => "Half right: it has found one of the two.",
         _ if score.first_is_right => "Right: it has found the cause.",
-        _ => match score.set {
+        _ => match score.sets.first() {
             Some((true, count)) => return format!("Undecided: the cause is among its {count}.{wrongly}"),
-            _ if score.named == 0 => "Seen, but not named.",
+            _ if score.asserted == 0 => "Seen, but not named.",
             _ => "Wrong: that is not the cause.",
         },
     };
     format!("{sentence}{wrongly}")
+}
+
+/// Whether the answer falls short of what could be asked for.
+fn is_miss(played: &Played) -> bool {
+    let Played { hidden, score, .. } = played;
+    score.asserted_wrongly > 0
+        || match hidden.kind {
+            _ if hidden.largest_dose() < VISIBLE_DOSE => score.detected,
+            _ if hidden.largest_dose() < CLEAR_DOSE => false,
+            Kind::Outside => !score.says_unexplained,
+            Kind::Two => !score.all_are_right,
+            _ => !score.first_is_right,
+        }
+}
+
+/// Prints the misses.
+pub fn misses(played: &[&Played]) {
+    let misses: Vec<&&Played> = played.iter().filter(|p| is_miss(p)).collect();
+    say!("\n{} misses", misses.len());
+    for played in misses {
+        let Played { hidden, said, .. } = played;
+        let there: Vec<String> =
+            hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.dose_beyond_tolerance)).collect();
+        let named: Vec<String> =
+            said.causes.iter().map(|c| format!("{} {:.0} %", c.record, c.probability * 100.0)).collect();
+        let or = |list: Vec<String>, none: &str| if list.is_empty() { none.to_owned() } else { list.join(" and ") };
+        let vehicle = if hidden.is_own_vehicle { "own vehicle".to_owned() } else { format!("{} links", hidden.links) };
+        say!("  seed {:<5} {vehicle}, hidden: {}", hidden.seed, or(there, "nothing"));
+        say!("             said: {}, {}", said.verdict, or(named, "no cause"));
+        say!("             {}", verdict(played));
+    }
 }

@@ -38,7 +38,8 @@ pub const MISSIONS: &[(&str, &str)] = &[
     ("experiment-validation", include_str!("../../../../deploy/etc/missions/experiment-validation.toml")),
 ];
 
-const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.toml");
+/// The launch file that is used where none is given.
+pub const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.toml");
 const DEFAULT_PLANT: &str = include_str!("../../../../deploy/etc/plants/fss.toml");
 
 /// Names of the three files in a run's folder.

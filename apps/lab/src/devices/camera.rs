@@ -56,7 +56,9 @@ impl Camera {
         faults: ActiveFaults<'_>,
     ) -> Result<usize, ViconError> {
         let target = if self.has_target { instruments.mocap_target(simulation) } else { None };
-        let poses = [instruments.mocap_base(simulation), instruments.mocap_end_effector(simulation), target];
+        let has_arm = simulation.joint_count() > 0;
+        let end_effector = if has_arm { instruments.mocap_end_effector(simulation) } else { None };
+        let poses = [instruments.mocap_base(simulation), end_effector, target];
         let mut objects = [Object { name: "", position_m: [0.0; 3], rotation_rad: [0.0; 3] }; 3];
         let mut count = 0;
         for ((pose, name), height_m) in poses.iter().zip(OBJECTS).zip(HEIGHTS_M) {

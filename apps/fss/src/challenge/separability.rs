@@ -1,13 +1,13 @@
-//! What these experiments can tell apart.
+//! What the experiments of a vehicle can tell apart.
 //!
-//! Every uncertain value of the plant is moved by its standard deviation, every effect of the catalogue by its typical
-//! size, and twin flights say what the sensors make of it. So a hidden effect's dose can be told beyond what the plant's
-//! tolerances could do by themselves, and whether another effect of the catalogue could do the same.
+//! Each uncertain value of the plant is moved by its standard deviation: what that does to the sensors is taken off a hidden
+//! effect, within two standard deviations. Then each other effect of the catalogue is moved by its typical size: the share of
+//! the rest that it explains, the squared cosine between the two, says whether it could stand in the hidden one's place.
 
-use super::twins::{Baseline, Difference, Twins};
+use super::dose::{Difference, Yardstick};
+use super::record::is_shape;
 use fss_plant::{Effect, Plant, effects};
 use miette::Result;
-use rayon::prelude::*;
 
 /// Uncertain values are let off by as many standard deviations.
 const TOLERANCE: f64 = 2.0;
@@ -15,74 +15,33 @@ const TOLERANCE: f64 = 2.0;
 const EXPLAINED: f64 = 0.81;
 /// Sweeps of the coordinate descent.
 const SWEEPS: usize = 60;
+/// A drive that is softer than this swings visibly, N m/rad.
+const TYPICAL_STIFFNESS_N_M_RAD: f64 = 500.0;
 
-/// The responses of the sensors, at the plant as its file says.
-pub struct Survey {
-    /// To each uncertain value.
-    values: Vec<Vec<f64>>,
+/// What a vehicle's uncertain values do to the sensors.
+pub struct Tolerances {
+    responses: Vec<Vec<f64>>,
     /// Products of these.
     gram: Vec<Vec<f64>>,
-    /// To each effect: directions that its parameters span.
-    effects: Vec<(Effect, Vec<Vec<f64>>)>,
 }
 
-/// What a survey says of a hidden effect.
-pub struct Surveyed {
-    /// The dose beyond what tolerances could do.
-    pub dose: f64,
-    /// Whether no other effect could do the same.
-    pub is_separable: bool,
-}
-
-impl Survey {
-    /// Flies all twins; this takes about a minute. `say` hears each that is done.
+impl Tolerances {
+    /// Of the plant whose yardstick is given.
     ///
     /// # Errors
     /// Where the plant is no mechanism.
-    pub fn new(plant: &Plant, twins: &Twins, say: &(dyn Fn() + Sync)) -> Result<Self> {
-        let baseline = twins.baseline(plant)?;
-        let response = |laboratory: &Plant| {
-            let difference = twins.difference(laboratory, &baseline).map(|difference| difference.samples());
-            say();
-            difference
-        };
-        let values: Vec<Vec<f64>> = moved(plant).par_iter().map(response).collect::<Result<_>>()?;
-        let gram = values.iter().map(|a| values.iter().map(|b| dot(a, b)).collect()).collect();
-        let columns = |effect: &Effect| {
-            let responses = steps(effect).into_iter().map(|step| response(&plant.with_effects(&[step])));
-            Ok((effect.clone(), orthonormal(responses.collect::<Result<_>>()?)))
-        };
-        let effects = effects::candidates(plant).par_iter().map(columns).collect::<Result<_>>()?;
-        Ok(Self { values, gram, effects })
+    pub fn new(plant: &Plant, yardstick: &Yardstick<'_>) -> Result<Self> {
+        let response = |laboratory: &Plant| yardstick.difference(laboratory).map(|difference| difference.samples());
+        let responses: Vec<Vec<f64>> = moved(plant).iter().map(response).collect::<Result<_>>()?;
+        let gram = responses.iter().map(|a| responses.iter().map(|b| dot(a, b)).collect()).collect();
+        Ok(Self { responses, gram })
     }
 
-    /// How many twins a survey of this plant flies.
-    pub fn size(plant: &Plant) -> usize {
-        moved(plant).len() + effects::candidates(plant).iter().map(|effect| steps(effect).len()).sum::<usize>()
-    }
-
-    /// What there is to be said of `effect` in the laboratory whose baseline is given.
-    ///
-    /// # Errors
-    /// Where the effect makes no mechanism.
-    pub fn of(&self, effect: &Effect, room: &Plant, twins: &Twins, baseline: &Baseline) -> Result<Surveyed> {
-        let difference: Difference = twins.difference(&room.with_effects(std::slice::from_ref(effect)), baseline)?;
+    /// What the uncertain values leave of a difference: least squares in a box, by coordinates.
+    pub fn take_off(&self, difference: &Difference) -> Vec<f64> {
         let mut left = difference.samples();
-        self.take_off_tolerances(&mut left);
-        let whole = dot(&left, &left).max(1e-12);
-        let is_same = |other: &Effect| {
-            other.id() == effect.id() && other.index() == effect.index() && other.channel() == effect.channel()
-        };
-        let others = self.effects.iter().filter(|(other, _)| !is_same(other));
-        let share = |basis: &[Vec<f64>]| basis.iter().map(|b| dot(b, &left).powi(2)).sum::<f64>() / whole;
-        let best = others.map(|(_, basis)| share(basis)).fold(0.0, f64::max);
-        Ok(Surveyed { dose: difference.dose_of(&left), is_separable: best < EXPLAINED })
-    }
-
-    /// Takes off what the uncertain values could do within their tolerance: least squares in a box, by coordinates.
-    fn take_off_tolerances(&self, samples: &mut [f64]) {
-        let products: Vec<f64> = self.values.iter().map(|value| dot(value, samples)).collect();
-        let mut moved = vec![0.0; self.values.len()];
+        let products: Vec<f64> = self.responses.iter().map(|response| dot(response, &left)).collect();
+        let mut moved = vec![0.0; self.responses.len()];
         for _ in 0..SWEEPS {
             for i in 0..moved.len() {
                 let others: f64 =
@@ -90,10 +49,36 @@ impl Survey {
                 moved[i] = ((products[i] - others) / self.gram[i][i].max(1e-12)).clamp(-TOLERANCE, TOLERANCE);
             }
         }
-        for (value, by) in self.values.iter().zip(&moved) {
-            samples.iter_mut().zip(value).for_each(|(sample, v)| *sample -= by * v);
+        for (response, by) in self.responses.iter().zip(&moved) {
+            left.iter_mut().zip(response).for_each(|(sample, v)| *sample -= by * v);
+        }
+        left
+    }
+}
+
+/// Whether no other effect of the catalogue explains what is `left` of `effect`.
+///
+/// # Errors
+/// Where another effect makes no mechanism.
+pub fn is_separable(effect: &Effect, left: &[f64], plant: &Plant, yardstick: &Yardstick<'_>) -> Result<bool> {
+    let whole = dot(left, left).max(1e-12);
+    let is_same = |other: &Effect| {
+        other.id() == effect.id() && other.index() == effect.index() && other.channel() == effect.channel()
+    };
+    let mut others: Vec<Effect> = effects::candidates(plant).into_iter().filter(|other| !is_same(other)).collect();
+    // What acts in the same place is the likeliest to do the same, and one such effect is enough.
+    others.sort_by_key(|other| other.about().place != effect.about().place);
+    for other in &others {
+        let responses = steps(other)
+            .into_iter()
+            .map(|step| yardstick.difference(&plant.with_effects(&[step])).map(|difference| difference.samples()));
+        let basis = orthonormal(responses.collect::<Result<_>>()?);
+        let share = basis.iter().map(|direction| dot(direction, left).powi(2)).sum::<f64>() / whole;
+        if share >= EXPLAINED {
+            return Ok(false);
         }
     }
+    Ok(true)
 }
 
 /// Directions of length 1, at right angles, that span the columns (Gram and Schmidt).
@@ -118,7 +103,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The plant with each of its uncertain values in turn off by one standard deviation.
+/// The plant with each of its uncertain values in turn moved by one standard deviation.
 fn moved(plant: &Plant) -> Vec<Plant> {
     let Some(u) = plant.uncertainty.clone() else { return Vec::new() };
     let mut all = Vec::new();
@@ -150,17 +135,17 @@ fn moved(plant: &Plant) -> Vec<Plant> {
     all
 }
 
-/// The effect with each of its parameters in turn moved by its typical size; one that only shapes an effect, of typical
-/// size, beside it.
+/// The effect with each of its parameters in turn moved by its typical size. A parameter that only shapes an effect is moved
+/// beside a size that is typical.
 fn steps(nominal: &Effect) -> Vec<Effect> {
     let parameters = nominal.about().parameters;
     if nominal.id() == "valve_swap" {
         return vec![nominal.clone()];
     }
     if nominal.id() == "joint_flexibility" {
-        return vec![nominal.clone().with(&[500.0])];
+        return vec![nominal.clone().with(&[TYPICAL_STIFFNESS_N_M_RAD])];
     }
-    let is_shape = |i: usize| super::score::is_shape(parameters[i].name);
+    let is_shape = |i: usize| is_shape(parameters[i].name);
     let sizes: Vec<f64> = parameters.iter().enumerate().map(|(i, p)| if is_shape(i) { 0.0 } else { p.scale }).collect();
     let add = |offsets: &[f64]| {
         let values: Vec<f64> = nominal.values().iter().zip(offsets).map(|(v, o)| v + o).collect();
