@@ -1,7 +1,7 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
 use super::smoother::{Reading, smooth};
-use super::track::Track;
+use super::track::{Track, quintic};
 use fss_identify::measured::{Joints, Many, Run};
 use fss_plant::Sensors;
 use std::f64::consts::{PI, TAU};
@@ -189,14 +189,27 @@ fn followed(command: &Many, joint: usize, readings: &[Reading], grid_s: &[f64]) 
     (0..nodes.len()).map(lagged).collect()
 }
 
-/// A joint's command at `t_s`; beyond its rows it goes on as it was.
+/// A joint's command at `t_s`, smooth between its rows so that angle, rate and acceleration are of one motion; beyond its
+/// rows it goes on as it was.
 fn commanded(command: &Many, joint: usize, t_s: f64) -> [f64; 3] {
-    let (first, last) = (command.t_s[0], command.t_s[command.t_s.len() - 1]);
-    let within = t_s.clamp(first, last);
+    let last = command.t_s.len() - 1;
     let or_zero = |value: Option<f64>| value.filter(|v| v.is_finite()).unwrap_or(0.0);
-    let rate = or_zero(command.rate_at(joint, within));
-    let angle = or_zero(command.at(joint, within)) + (t_s - within) * rate;
-    [angle, rate, if t_s == within { or_zero(command.acceleration_at(joint, within)) } else { 0.0 }]
+    let row = |k: usize| {
+        let at_s = command.t_s[k];
+        [
+            or_zero(command.values[joint].get(k).copied()),
+            or_zero(command.rate_at(joint, at_s)),
+            or_zero(command.acceleration_at(joint, at_s)),
+        ]
+    };
+    let after = command.t_s.partition_point(|t| *t <= t_s);
+    if after == 0 || after > last {
+        let k = if after == 0 { 0 } else { last };
+        let [q, qd, _] = row(k);
+        return [q + (t_s - command.t_s[k]) * qd, qd, 0.0];
+    }
+    let (from_s, to_s) = (command.t_s[after - 1], command.t_s[after]);
+    quintic(&row(after - 1), &row(after), to_s - from_s, (t_s - from_s) / (to_s - from_s))
 }
 
 /// Derivative on the nodes, over the time between two rows of a command so that their noise is not made large.
