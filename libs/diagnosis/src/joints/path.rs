@@ -8,8 +8,10 @@ use std::f64::consts::{PI, TAU};
 
 /// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.
 const NODE_S: f64 = 0.005;
-/// Telemetry closer than this is averaged before it is smoothed, s; motion capture closer than four times this.
+/// Telemetry of arms that swing by their torques is averaged over this before it is smoothed, s.
 const MERGE_S: f64 = 0.005;
+/// Telemetry of arms in servo drives is, and motion capture, s: noise of the path's accelerations is in all sensitivities.
+const SERVO_MERGE_S: f64 = 0.04;
 /// Where noise is not stated: of a converter of 20 bits a turn and its difference, rad and rad/s.
 const LEAST_ANGLE_SD: f64 = 6e-6;
 const LEAST_RATE_SD: f64 = 6e-5;
@@ -39,7 +41,8 @@ impl MeasuredPath {
         }
         let nodes = ((end_s - start_s) / NODE_S).ceil() as usize + 1;
         let grid_s: Vec<f64> = (0..nodes).map(|k| start_s + NODE_S * k as f64).collect();
-        let readings: Vec<Vec<Reading>> = (0..links).map(|i| readings(joints, i, sensors)).collect();
+        let merge_s = if super::rows::is_driven(run) { MERGE_S } else { SERVO_MERGE_S };
+        let readings: Vec<Vec<Reading>> = (0..links).map(|i| readings(joints, i, sensors, merge_s)).collect();
         if readings.iter().any(Vec::is_empty) {
             return None;
         }
@@ -137,7 +140,7 @@ pub(super) fn groups(t_s: &[f64], width_s: f64) -> Vec<std::ops::Range<usize>> {
     out
 }
 
-fn readings(joints: &Joints, joint: usize, sensors: &Sensors) -> Vec<Reading> {
+fn readings(joints: &Joints, joint: usize, sensors: &Sensors, merge_s: f64) -> Vec<Reading> {
     let angle = joints.q_rad.get(joint).map(|q| unwrapped(q));
     let rate = joints.qd_rad_s.get(joint);
     let angle_variance = sensors.encoder_rad.max(LEAST_ANGLE_SD).powi(2);
@@ -147,7 +150,7 @@ fn readings(joints: &Joints, joint: usize, sensors: &Sensors) -> Vec<Reading> {
         angle: angle.as_ref().and_then(|q| mean(q, &rows)).map(|(v, n)| (v, angle_variance / n)),
         rate: rate.and_then(|qd| mean(qd, &rows)).map(|(v, n)| (v, rate_variance / n)),
     };
-    let all = groups(&joints.t_s, MERGE_S).into_iter().map(merged);
+    let all = groups(&joints.t_s, merge_s).into_iter().map(merged);
     all.filter(|r| r.angle.is_some() || r.rate.is_some()).collect()
 }
 
@@ -225,7 +228,7 @@ fn derivative(values: &[f64]) -> Vec<f64> {
 
 fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]> {
     let poses = run.base_pose.as_ref().filter(|p| p.t_s.len() > 1)?;
-    let rows = groups(&poses.t_s, 4.0 * MERGE_S);
+    let rows = groups(&poses.t_s, 0.5 * SERVO_MERGE_S);
     let track = |axis: usize| {
         let values: Vec<f64> = poses.values.iter().map(|v| v[axis]).collect();
         let values = if axis == 2 { unwrapped(&values) } else { values };
