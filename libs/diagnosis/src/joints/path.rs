@@ -162,34 +162,20 @@ pub(super) fn mean(values: &[f64], rows: &std::ops::Range<usize>) -> Option<(f64
     (count > 0.0).then_some((sum / count, count))
 }
 
-/// What a servo makes of its command on the whole: the command and, by least squares over the run, shares of its first two
-/// derivatives (its lag).
+/// Longest lag of a servo behind its command that is looked for, s.
+const LONGEST_LAG_S: f64 = 0.5;
+
+/// What a servo makes of its command on the whole: the same, later by the lag that fits the run's angles in least squares.
 fn followed(command: &Many, joint: usize, readings: &[Reading], grid_s: &[f64]) -> Vec<[f64; 3]> {
-    let nodes: Vec<[f64; 3]> = grid_s.iter().map(|t| commanded(command, joint, *t)).collect();
-    let (Some(start), true) = (grid_s.first(), grid_s.len() > 1) else { return nodes };
-    let third: Vec<f64> = derivative(&nodes.iter().map(|n| n[2]).collect::<Vec<_>>());
-    let track = Track::new(*start, NODE_S, nodes.clone());
-    let (mut a, mut b, mut c, mut u, mut v) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    // A command that rests says nothing of the lag: (1 mrad/s)2 a reading keep it at none.
+    let (mut square, mut product) = (1e-6 * readings.len() as f64, 0.0);
     for reading in readings {
         let Some((angle, _)) = reading.angle else { continue };
-        let [q, qd, qdd] = track.at(reading.t_s);
-        (a, b, c) = (a + qd * qd, b + qd * qdd, c + qdd * qdd);
-        (u, v) = (u + qd * (angle - q), v + qdd * (angle - q));
+        let [q, qd, _] = commanded(command, joint, reading.t_s);
+        (square, product) = (square + qd * qd, product + qd * (q - angle));
     }
-    // A command that rests says nothing of the lag: (1 mrad/s)2 and (10 mrad/s2)2 a reading keep it at none.
-    (a, c) = (a + 1e-6 * readings.len() as f64, c + 1e-4 * readings.len() as f64);
-    let determinant = a * c - b * b;
-    let (first, second) = ((c * u - b * v) / determinant, (a * v - b * u) / determinant);
-    let fourth = derivative(&third);
-    let lagged = |k: usize| {
-        let n = &nodes[k];
-        [
-            n[0] + first * n[1] + second * n[2],
-            n[1] + first * n[2] + second * third[k],
-            n[2] + first * third[k] + second * fourth[k],
-        ]
-    };
-    (0..nodes.len()).map(lagged).collect()
+    let lag_s = (product / square).clamp(-LONGEST_LAG_S, LONGEST_LAG_S);
+    grid_s.iter().map(|t| commanded(command, joint, t - lag_s)).collect()
 }
 
 /// A joint's command at `t_s`, smooth between its rows so that angle, rate and acceleration are of one motion; beyond its
@@ -213,17 +199,6 @@ fn commanded(command: &Many, joint: usize, t_s: f64) -> [f64; 3] {
     }
     let (from_s, to_s) = (command.t_s[after - 1], command.t_s[after]);
     quintic(&row(after - 1), &row(after), to_s - from_s, (t_s - from_s) / (to_s - from_s))
-}
-
-/// Derivative on the nodes, over the time between two rows of a command so that their noise is not made large.
-fn derivative(values: &[f64]) -> Vec<f64> {
-    const REACH: usize = 10;
-    let n = values.len();
-    let at = |k: usize| {
-        let (from, to) = (k.saturating_sub(REACH), (k + REACH).min(n - 1));
-        if to > from { (values[to] - values[from]) / (NODE_S * (to - from) as f64) } else { 0.0 }
-    };
-    (0..n).map(at).collect()
 }
 
 fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]> {
