@@ -171,7 +171,13 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
 
 /// What the rows read of the path beside the reference.
 fn beside_reference(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<f64> {
-    let deviation = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| path.deviation(j, row.t_s)).collect() };
+    // Rows are means over their samples: so is what the path is beside the reference.
+    let mean = |row: &Row, joint: usize| -> [f64; 3] {
+        let count = row.stamps_s.len().max(1) as f64;
+        let all = row.stamps_s.iter().map(|stamp_s| path.deviation(joint, *stamp_s));
+        all.fold([0.0; 3], |sum, d| std::array::from_fn(|i| sum[i] + d[i] / count))
+    };
+    let deviation = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| mean(row, j)).collect() };
     let mut out: Vec<f64> = rows
         .iter()
         .zip(&model.slopes)

@@ -1,15 +1,17 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
 use super::smoother::{Reading, smooth};
-use super::track::Track;
+use super::track::{Track, quintic};
 use fss_identify::measured::{Joints, Many, Run};
 use fss_plant::Sensors;
 use std::f64::consts::{PI, TAU};
 
 /// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.
 const NODE_S: f64 = 0.005;
-/// Telemetry closer than this is averaged before it is smoothed, s; motion capture closer than four times this.
+/// Telemetry of arms that swing by their torques is averaged over this before it is smoothed, s.
 const MERGE_S: f64 = 0.005;
+/// Telemetry of arms in servo drives is, and motion capture, s: noise of the path's accelerations is in all sensitivities.
+const SERVO_MERGE_S: f64 = 0.04;
 /// Where noise is not stated: of a converter of 20 bits a turn and its difference, rad and rad/s.
 const LEAST_ANGLE_SD: f64 = 6e-6;
 const LEAST_RATE_SD: f64 = 6e-5;
@@ -39,7 +41,8 @@ impl MeasuredPath {
         }
         let nodes = ((end_s - start_s) / NODE_S).ceil() as usize + 1;
         let grid_s: Vec<f64> = (0..nodes).map(|k| start_s + NODE_S * k as f64).collect();
-        let readings: Vec<Vec<Reading>> = (0..links).map(|i| readings(joints, i, sensors)).collect();
+        let merge_s = if super::rows::is_driven(run) { MERGE_S } else { SERVO_MERGE_S };
+        let readings: Vec<Vec<Reading>> = (0..links).map(|i| readings(joints, i, sensors, merge_s)).collect();
         if readings.iter().any(Vec::is_empty) {
             return None;
         }
@@ -137,7 +140,7 @@ pub(super) fn groups(t_s: &[f64], width_s: f64) -> Vec<std::ops::Range<usize>> {
     out
 }
 
-fn readings(joints: &Joints, joint: usize, sensors: &Sensors) -> Vec<Reading> {
+fn readings(joints: &Joints, joint: usize, sensors: &Sensors, merge_s: f64) -> Vec<Reading> {
     let angle = joints.q_rad.get(joint).map(|q| unwrapped(q));
     let rate = joints.qd_rad_s.get(joint);
     let angle_variance = sensors.encoder_rad.max(LEAST_ANGLE_SD).powi(2);
@@ -147,7 +150,7 @@ fn readings(joints: &Joints, joint: usize, sensors: &Sensors) -> Vec<Reading> {
         angle: angle.as_ref().and_then(|q| mean(q, &rows)).map(|(v, n)| (v, angle_variance / n)),
         rate: rate.and_then(|qd| mean(qd, &rows)).map(|(v, n)| (v, rate_variance / n)),
     };
-    let all = groups(&joints.t_s, MERGE_S).into_iter().map(merged);
+    let all = groups(&joints.t_s, merge_s).into_iter().map(merged);
     all.filter(|r| r.angle.is_some() || r.rate.is_some()).collect()
 }
 
@@ -159,60 +162,48 @@ pub(super) fn mean(values: &[f64], rows: &std::ops::Range<usize>) -> Option<(f64
     (count > 0.0).then_some((sum / count, count))
 }
 
-/// What a servo makes of its command on the whole: the command and, by least squares over the run, shares of its first two
-/// derivatives (its lag).
+/// Longest lag of a servo behind its command that is looked for, s.
+const LONGEST_LAG_S: f64 = 0.5;
+
+/// What a servo makes of its command on the whole: the same, later by the lag that fits the run's angles in least squares.
 fn followed(command: &Many, joint: usize, readings: &[Reading], grid_s: &[f64]) -> Vec<[f64; 3]> {
-    let nodes: Vec<[f64; 3]> = grid_s.iter().map(|t| commanded(command, joint, *t)).collect();
-    let (Some(start), true) = (grid_s.first(), grid_s.len() > 1) else { return nodes };
-    let third: Vec<f64> = derivative(&nodes.iter().map(|n| n[2]).collect::<Vec<_>>());
-    let track = Track::new(*start, NODE_S, nodes.clone());
-    let (mut a, mut b, mut c, mut u, mut v) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    // A command that rests says nothing of the lag: (1 mrad/s)2 a reading keep it at none.
+    let (mut square, mut product) = (1e-6 * readings.len() as f64, 0.0);
     for reading in readings {
         let Some((angle, _)) = reading.angle else { continue };
-        let [q, qd, qdd] = track.at(reading.t_s);
-        (a, b, c) = (a + qd * qd, b + qd * qdd, c + qdd * qdd);
-        (u, v) = (u + qd * (angle - q), v + qdd * (angle - q));
+        let [q, qd, _] = commanded(command, joint, reading.t_s);
+        (square, product) = (square + qd * qd, product + qd * (q - angle));
     }
-    // A command that rests says nothing of the lag: (1 mrad/s)2 and (10 mrad/s2)2 a reading keep it at none.
-    (a, c) = (a + 1e-6 * readings.len() as f64, c + 1e-4 * readings.len() as f64);
-    let determinant = a * c - b * b;
-    let (first, second) = ((c * u - b * v) / determinant, (a * v - b * u) / determinant);
-    let fourth = derivative(&third);
-    let lagged = |k: usize| {
-        let n = &nodes[k];
+    let lag_s = (product / square).clamp(-LONGEST_LAG_S, LONGEST_LAG_S);
+    grid_s.iter().map(|t| commanded(command, joint, t - lag_s)).collect()
+}
+
+/// A joint's command at `t_s`, smooth between its rows so that angle, rate and acceleration are of one motion; beyond its
+/// rows it goes on as it was.
+fn commanded(command: &Many, joint: usize, t_s: f64) -> [f64; 3] {
+    let last = command.t_s.len() - 1;
+    let or_zero = |value: Option<f64>| value.filter(|v| v.is_finite()).unwrap_or(0.0);
+    let row = |k: usize| {
+        let at_s = command.t_s[k];
         [
-            n[0] + first * n[1] + second * n[2],
-            n[1] + first * n[2] + second * third[k],
-            n[2] + first * third[k] + second * fourth[k],
+            or_zero(command.values[joint].get(k).copied()),
+            or_zero(command.rate_at(joint, at_s)),
+            or_zero(command.acceleration_at(joint, at_s)),
         ]
     };
-    (0..nodes.len()).map(lagged).collect()
-}
-
-/// A joint's command at `t_s`; beyond its rows it goes on as it was.
-fn commanded(command: &Many, joint: usize, t_s: f64) -> [f64; 3] {
-    let (first, last) = (command.t_s[0], command.t_s[command.t_s.len() - 1]);
-    let within = t_s.clamp(first, last);
-    let or_zero = |value: Option<f64>| value.filter(|v| v.is_finite()).unwrap_or(0.0);
-    let rate = or_zero(command.rate_at(joint, within));
-    let angle = or_zero(command.at(joint, within)) + (t_s - within) * rate;
-    [angle, rate, if t_s == within { or_zero(command.acceleration_at(joint, within)) } else { 0.0 }]
-}
-
-/// Derivative on the nodes, over the time between two rows of a command so that their noise is not made large.
-fn derivative(values: &[f64]) -> Vec<f64> {
-    const REACH: usize = 10;
-    let n = values.len();
-    let at = |k: usize| {
-        let (from, to) = (k.saturating_sub(REACH), (k + REACH).min(n - 1));
-        if to > from { (values[to] - values[from]) / (NODE_S * (to - from) as f64) } else { 0.0 }
-    };
-    (0..n).map(at).collect()
+    let after = command.t_s.partition_point(|t| *t <= t_s);
+    if after == 0 || after > last {
+        let k = if after == 0 { 0 } else { last };
+        let [q, qd, _] = row(k);
+        return [q + (t_s - command.t_s[k]) * qd, qd, 0.0];
+    }
+    let (from_s, to_s) = (command.t_s[after - 1], command.t_s[after]);
+    quintic(&row(after - 1), &row(after), to_s - from_s, (t_s - from_s) / (to_s - from_s))
 }
 
 fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]> {
     let poses = run.base_pose.as_ref().filter(|p| p.t_s.len() > 1)?;
-    let rows = groups(&poses.t_s, 4.0 * MERGE_S);
+    let rows = groups(&poses.t_s, 0.5 * SERVO_MERGE_S);
     let track = |axis: usize| {
         let values: Vec<f64> = poses.values.iter().map(|v| v[axis]).collect();
         let values = if axis == 2 { unwrapped(&values) } else { values };

@@ -32,7 +32,7 @@ impl Track {
 }
 
 /// Quintic Hermite interpolation at the share `s` of an interval of length `h`.
-fn quintic(a: &[f64; 3], b: &[f64; 3], h: f64, s: f64) -> [f64; 3] {
+pub(super) fn quintic(a: &[f64; 3], b: &[f64; 3], h: f64, s: f64) -> [f64; 3] {
     // Taylor polynomial of the left end, and three more terms that meet the right end's value and derivatives.
     let (v, w) = (a[1] * h, a[2] * h * h);
     let miss = b[0] - a[0] - v - 0.5 * w;
