@@ -73,8 +73,6 @@ pub(crate) struct Searched<'a> {
     pub(crate) model: Vec<Present>,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
-    /// Those of no cause at all.
-    pub(crate) null_hyper: Vec<f64>,
     pub(crate) linearized: Linearized,
 }
 
@@ -131,7 +129,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         if (still && is_whole) || comes_back || round == ROUNDS {
             let sets = probabilities(sets);
             let model = if same { model } else { estimate.0 };
-            return Ok(Searched { search, points, sets, model, hyper, null_hyper, linearized });
+            return Ok(Searched { search, points, sets, model, hyper, linearized });
         }
         if still {
             (largest, again, unchanged) = (largest + 1, 0, true);

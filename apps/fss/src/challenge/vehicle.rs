@@ -71,6 +71,8 @@ fn thrusters(plant: &mut Plant, dice: &mut ChaCha8Rng) {
                 position_m: [half_m * nx + sign * apart_m * along[0], half_m * ny + sign * apart_m * along[1]],
                 force_direction: [-cos * nx + sign * sin * along[0], -cos * ny + sign * sin * along[1]],
                 thrust_n: None,
+                thrust_curve: None,
+                lag_s: None,
             })
         })
         .collect();
