@@ -1,6 +1,7 @@
 //! `fss diagnose`: where the simulation is wrong, what causes it, and what knowing it is worth.
 
 mod answer;
+mod engine;
 pub mod log;
 mod page;
 pub mod read;
@@ -9,7 +10,7 @@ mod summary;
 
 use crate::files::{TextFile, write};
 use clap::Args;
-use fss_diagnosis::diagnose;
+use engine::diagnose;
 use fss_identify::measured::Run;
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};

@@ -27,6 +27,19 @@ pub struct CarriedOut {
     pub link_rate: Many,
 }
 
+impl CarriedOut {
+    /// The sum of several, each times its weight, at the times of the first.
+    pub(crate) fn mixed(parts: &[(f64, &Self)]) -> Self {
+        let mix = |series: fn(&Self) -> &Many| {
+            let t_s = parts.first().map_or_else(Vec::new, |(_, part)| series(part).t_s.clone());
+            let joints = parts.first().map_or(0, |(_, part)| series(part).values.len());
+            let value = |i: usize, k: usize| parts.iter().map(|(w, part)| w * series(part).values[i][k]).sum();
+            Many { values: (0..joints).map(|i| (0..t_s.len()).map(|k| value(i, k)).collect()).collect(), t_s }
+        };
+        Self { motor: mix(|p| &p.motor), link: mix(|p| &p.link), link_rate: mix(|p| &p.link_rate) }
+    }
+}
+
 /// What was commanded in a flight, and from where it began.
 #[derive(Clone, Debug, Default)]
 pub struct Commands {

@@ -1,0 +1,73 @@
+//! Which engine diagnoses what: floating vehicles by marginal likelihoods, arms on a clamped base still by the windowed
+//! contest, until the joints' block is better there too.
+
+use fss_diagnosis::diagnosis::{Alternative, Cause, ChannelMisfit, Diagnosis, Gain, Verdict};
+use fss_identify::diagnosis as windowed;
+use fss_identify::measured::Run;
+use fss_identify::misfit;
+use fss_multibody::ModelError;
+use fss_plant::Plant;
+
+/// Diagnoses measured runs of a plant.
+///
+/// # Errors
+/// Where the plant's values or effects make a mass or an inertia impossible.
+pub fn diagnose(
+    plant: &Plant,
+    runs: &[Run],
+    validation: &[Run],
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
+    if plant.base.clamped {
+        return windowed::diagnose(plant, runs, validation, say).map(of_windowed);
+    }
+    fss_diagnosis::diagnose(plant, runs, validation, say)
+}
+
+fn of_windowed(answer: windowed::Diagnosis) -> Diagnosis {
+    let misfits = |all: Vec<misfit::ChannelMisfit>| all.into_iter().map(channel).collect();
+    let mismatches = answer.input_mismatch.iter().map(ToString::to_string);
+    let share = |r: &windowed::Ranked| (r.effect.clone(), r.share);
+    Diagnosis {
+        remarks: answer.remarks.iter().cloned().chain(mismatches).collect(),
+        verdict: match answer.verdict {
+            windowed::Verdict::Consistent => Verdict::Consistent,
+            windowed::Verdict::Explained => Verdict::Explained,
+            windowed::Verdict::PartlyExplained => Verdict::PartlyExplained,
+            windowed::Verdict::Unexplained => Verdict::Unexplained,
+        },
+        probability_of_none: if answer.causes.is_empty() { 1.0 } else { 0.0 },
+        causes: answer.causes.into_iter().map(cause).collect(),
+        suspects: answer.suspects.into_iter().map(cause).collect(),
+        laws: answer.empirical,
+        inclusion: answer.ranking.iter().map(share).collect(),
+        discrepancy: Vec::new(),
+        run_to_run: 0.0,
+        before: misfits(answer.before),
+        after: misfits(answer.after),
+        validation_before: misfits(answer.validation_before),
+        validation_after: misfits(answer.validation_after),
+        gain: Gain { before: answer.gain.before, after: answer.gain.after },
+        settled: answer.settled,
+        extended: answer.extended,
+    }
+}
+
+fn cause(cause: windowed::Cause) -> Cause {
+    let others: f64 = cause.alternatives.iter().map(|a| a.probability).sum();
+    let other =
+        |a: windowed::Alternative| Alternative { effect: a.effect, probability: a.probability, is_equivalent: false };
+    Cause {
+        effect: cause.effect,
+        std: cause.std,
+        probability: cause.probability,
+        class_probability: (cause.probability + others).min(1.0),
+        alternatives: cause.alternatives.into_iter().map(other).collect(),
+        validation_nats: None,
+        left_out_nats: 0.0,
+    }
+}
+
+fn channel(of: misfit::ChannelMisfit) -> ChannelMisfit {
+    ChannelMisfit { channel: of.channel, run: of.run, rms: of.rms, noise: of.noise, residuals: of.residuals }
+}

@@ -1,0 +1,196 @@
+//! What it comes to: consistent, explained, partly or not, and which causes are asserted.
+
+use crate::contest::{Contest, DOUBTFUL, Refined, Selection};
+use crate::hypothesis::OUTSIDE;
+use fss_plant::{Effect, Place};
+
+/// Mean square of the whitened residuals below which noise alone explains them.
+const CONSISTENT: f64 = 1.25;
+/// RMS of one channel in one run over its noise, below which nothing is said of it.
+const CONSISTENT_CHANNEL: f64 = 1.6;
+/// Mean square beyond which something is left that no cause explains.
+pub(crate) const ALL_EXPLAINED: f64 = 1.5;
+/// Share of the misfit that causes must explain then.
+const MOST: f64 = 0.7;
+/// A cause is asserted from even chances on that it, or another in its place, is there.
+const EVEN: f64 = 0.5;
+/// A base that is this many times lighter than its plant file says is one that was weighed.
+const LIGHT: f64 = 1.4;
+/// What pushes a base harder than the room's air by more than this many times what its lightness would lend the air is not air.
+const LENT: f64 = 3.0;
+/// A second or later cause is asserted only if it is this probable among its rivals.
+const SURE: f64 = 0.7;
+
+/// What the diagnosis comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Noise, room air and stated uncertainty explain the data.
+    Consistent,
+    /// The causes asserted explain what was wrong.
+    Explained,
+    /// They explain most of it.
+    PartlyExplained,
+    /// Something is wrong that no known effect explains.
+    Unexplained,
+}
+
+impl Verdict {
+    /// The word in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Explained => "explained",
+            Self::PartlyExplained => "partly_explained",
+            Self::Unexplained => "unexplained",
+        }
+    }
+
+    /// Whether it leaves something that no known effect explains.
+    pub(crate) fn leaves_something(self) -> bool {
+        matches!(self, Self::Unexplained | Self::PartlyExplained)
+    }
+
+    /// What explains the runs that were fitted must explain others too: there nothing has counted for noise that is none.
+    pub(crate) fn after_validation(self, left: f64) -> Self {
+        match self {
+            Self::Consistent if left > ALL_EXPLAINED => Self::Unexplained,
+            Self::Explained if left > ALL_EXPLAINED => Self::PartlyExplained,
+            other => other,
+        }
+    }
+}
+
+/// A cause that is asserted.
+#[derive(Clone, Debug)]
+pub struct Cause {
+    /// The effect with its values.
+    pub effect: Effect,
+    /// Standard deviations of its parameters, in their order; none for an exchange of wires.
+    pub std: Vec<f64>,
+    /// Probability that this is the cause, among all that were tried.
+    pub probability: f64,
+    /// Fall of the sum of squares, in units of what one degree of freedom has.
+    pub gain: f64,
+    /// Share of its gain that it keeps in runs left out of the fit.
+    pub kept: f64,
+    /// What else it could be, most probable first.
+    pub alternatives: Vec<Alternative>,
+}
+
+impl Cause {
+    /// Whether it is none of the catalogue's.
+    pub(crate) fn is_outside(&self) -> bool {
+        self.effect.id() == OUTSIDE
+    }
+
+    /// Probability that this cause, or another in its place, is there.
+    fn is_there(&self) -> f64 {
+        let others: f64 = self.alternatives.iter().map(|other| other.probability).sum();
+        self.probability / (1.0 - others.min(0.999))
+    }
+}
+
+/// Another cause in the place of an asserted one.
+#[derive(Clone, Debug)]
+pub struct Alternative {
+    /// The effect with the values that would fit best.
+    pub effect: Effect,
+    /// Its probability.
+    pub probability: f64,
+}
+
+/// What a contest comes to.
+pub(crate) struct Judgement {
+    pub(crate) verdict: Verdict,
+    /// What is asserted.
+    pub(crate) causes: Vec<Cause>,
+    /// What fitted best, but is not.
+    pub(crate) suspects: Vec<Cause>,
+    /// Laws that fitted best and are no known effect's.
+    pub(crate) outside: Vec<Cause>,
+}
+
+impl Judgement {
+    fn new(verdict: Verdict, causes: Vec<Cause>, doubtful: Vec<Cause>) -> Self {
+        let (outside, suspects) = doubtful.into_iter().partition(Cause::is_outside);
+        Self { verdict, causes, suspects, outside }
+    }
+
+    /// Takes every assertion back.
+    pub(crate) fn assert_nothing(&mut self) {
+        self.verdict = Verdict::Unexplained;
+        self.suspects.append(&mut self.causes);
+    }
+}
+
+/// Judges what a contest selected.
+pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
+    let all: Vec<Cause> = selection
+        .taken
+        .iter()
+        .map(|t| Cause {
+            effect: t.effect.clone(),
+            std: t.std.clone(),
+            probability: t.probability,
+            gain: t.gain,
+            kept: t.kept,
+            alternatives: t
+                .alternatives
+                .iter()
+                .map(|a| Alternative { effect: a.effect.clone(), probability: a.probability })
+                .collect(),
+        })
+        .collect();
+    let left = selection.after.mean_square();
+    let air = contest.air(&selection.after);
+    if all.iter().all(|cause| cause.is_there() < EVEN) {
+        return Judgement::new(nothing_asserted(contest, &selection.before), Vec::new(), all);
+    }
+    let excess = selection.before.chi2 - selection.before.freedom;
+    let share = if excess > 0.0 { (selection.before.chi2 - selection.after.chi2) / excess } else { 1.0 };
+    if left > DOUBTFUL && share < MOST {
+        return Judgement::new(Verdict::Unexplained, Vec::new(), all);
+    }
+    // Whatever still pushes the base may have lent its strength to a cause that pushes it too.
+    let air_before = contest.air(&selection.before);
+    let pushed = air.is_too_strong() && air.excess() > (1.0 - MOST) * air_before.excess();
+    // A base that is taken to be light lets the room's air explain what really pushes it, but for so much as that lends it.
+    let nominal_kg = contest.trial.plant.base.mass_kg;
+    let lends = |c: &Cause| {
+        let lighter = nominal_kg / c.effect.values()[0];
+        c.effect.id() == "base_mass" && lighter > LIGHT && air_before.strongest().1 < LENT * lighter
+    };
+    let pushed = pushed || (air_before.is_too_strong() && all.iter().any(lends));
+    let is_doubtful = |c: &Cause| {
+        c.is_outside() || pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster)
+    };
+    let (asserted, doubtful): (Vec<_>, Vec<_>) = all
+        .into_iter()
+        .enumerate()
+        .partition(|(i, c)| !is_doubtful(c) && c.is_there() >= EVEN && (*i == 0 || c.probability >= SURE));
+    let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
+    let asserted = strip(asserted);
+    if asserted.is_empty() {
+        return Judgement::new(Verdict::Unexplained, asserted, strip(doubtful));
+    }
+    let whole = !air.is_too_strong()
+        && left < ALL_EXPLAINED
+        && doubtful.is_empty()
+        && stands_out(contest, &selection.after) < 2.0 * CONSISTENT_CHANNEL;
+    let verdict = if whole { Verdict::Explained } else { Verdict::PartlyExplained };
+    Judgement::new(verdict, asserted, strip(doubtful))
+}
+
+/// RMS over noise of the channel that stands out most from what is left.
+fn stands_out(contest: &Contest, refined: &Refined) -> f64 {
+    contest.worst(refined).map_or(0.0, |(_, _, rms)| rms)
+}
+
+/// The verdict where no cause is asserted and this is what is left.
+pub(crate) fn nothing_asserted(contest: &Contest, left: &Refined) -> Verdict {
+    let is_quiet = left.mean_square() < CONSISTENT
+        && stands_out(contest, left) < CONSISTENT_CHANNEL
+        && contest.shaken.is_none()
+        && !contest.air(left).is_too_strong();
+    if is_quiet { Verdict::Consistent } else { Verdict::Unexplained }
+}
