@@ -22,9 +22,25 @@ pub struct Answer {
     posterior: Posterior,
     /// Strengths of the structured discrepancy.
     discrepancy: Vec<DiscrepancyAnswer>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unexplained: Option<Unexplained>,
     /// Laws in the extended model that are no known effect's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    laws: Vec<Effect>,
+    empirical: Vec<Effect>,
+}
+
+#[derive(Serialize)]
+struct Unexplained {
+    mean_square: f64,
+    channel: Option<String>,
+    run: Option<String>,
+    depends_on: Vec<Dependence>,
+}
+
+#[derive(Serialize)]
+struct Dependence {
+    description: String,
+    share: f64,
 }
 
 #[derive(Serialize)]
@@ -133,7 +149,17 @@ impl Answer {
                 .iter()
                 .map(|d| DiscrepancyAnswer { name: d.name.clone(), inferred: d.inferred, expected: d.expected })
                 .collect(),
-            laws: diagnosis.laws.clone(),
+            unexplained: diagnosis.remainder.as_ref().map(|left| Unexplained {
+                mean_square: left.mean_square,
+                channel: left.worst.as_ref().map(|w| w.0.clone()),
+                run: left.worst.as_ref().map(|w| w.1.clone()),
+                depends_on: left
+                    .depends_on
+                    .iter()
+                    .map(|(description, share)| Dependence { description: description.clone(), share: *share })
+                    .collect(),
+            }),
+            empirical: diagnosis.laws.clone(),
         }
     }
 }

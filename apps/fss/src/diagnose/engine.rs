@@ -1,7 +1,7 @@
-//! Which engine diagnoses what: floating vehicles by marginal likelihoods, arms on a clamped base still by the windowed
-//! contest, until the joints' block is better there too.
+//! Which engine diagnoses what: measured experiments of floating vehicles by marginal likelihoods; logs of our own flights and
+//! arms on a clamped base still by the windowed contest, until the marginal likelihood has been shown to be better there too.
 
-use fss_diagnosis::diagnosis::{Alternative, Cause, ChannelMisfit, Diagnosis, Gain, Verdict};
+use fss_diagnosis::diagnosis::{Alternative, Cause, ChannelMisfit, Diagnosis, Gain, Remainder, Verdict};
 use fss_identify::diagnosis as windowed;
 use fss_identify::measured::Run;
 use fss_identify::misfit;
@@ -18,7 +18,8 @@ pub fn diagnose(
     validation: &[Run],
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    if plant.base.clamped {
+    let are_logs = runs.iter().any(|run| run.commands.is_some());
+    if plant.base.clamped || are_logs {
         return windowed::diagnose(plant, runs, validation, say).map(of_windowed);
     }
     fss_diagnosis::diagnose(plant, runs, validation, say)
@@ -42,6 +43,11 @@ fn of_windowed(answer: windowed::Diagnosis) -> Diagnosis {
         laws: answer.empirical,
         inclusion: answer.ranking.iter().map(share).collect(),
         discrepancy: Vec::new(),
+        remainder: answer.unexplained.as_ref().map(|u| Remainder {
+            mean_square: u.mean_square,
+            worst: u.worst.as_ref().map(|w| (w.0.clone(), w.1.clone())),
+            depends_on: u.depends_on.clone(),
+        }),
         run_to_run: 0.0,
         before: misfits(answer.before),
         after: misfits(answer.after),

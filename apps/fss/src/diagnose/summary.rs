@@ -24,6 +24,12 @@ pub fn print(diagnosis: &Diagnosis) {
         say!("\nProbable, but not asserted:");
         diagnosis.suspects.iter().for_each(print_cause);
     }
+    if let Some(left) = &diagnosis.remainder {
+        say!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
+        for (what, share) in &left.depends_on {
+            say!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
+        }
+    }
     discrepancies(diagnosis);
     if !diagnosis.laws.is_empty() {
         say!("\nThe extended model has laws that are no known effect's:");
@@ -39,7 +45,7 @@ pub fn print(diagnosis: &Diagnosis) {
 
 /// Strengths of the structured discrepancy that are more than expected.
 fn discrepancies(diagnosis: &Diagnosis) {
-    if !diagnosis.verdict.leaves_something() {
+    if !diagnosis.verdict.leaves_something() || diagnosis.discrepancy.is_empty() {
         return;
     }
     say!("\nStructured discrepancy: inferred, and expected by the plant file or of a good laboratory");
