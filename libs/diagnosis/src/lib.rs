@@ -49,7 +49,7 @@ pub fn diagnose(
     let validation = examine(&plant, validation).runs;
     let (plant, runs, validation) = (&plant, &runs[..], &validation[..]);
     let problem = Problem::new(plant, runs)?;
-    let judged_on = Problem::new(plant, validation)?;
+    let judged_on = Problem::new(plant, validation)?.with_noise_of(&problem);
     if problem.is_empty() {
         return Ok(nothing_to_say(plant, remarks));
     }
@@ -64,7 +64,7 @@ pub fn diagnose(
         concluded.causes.iter().map(|c| c.effect.clone()).chain(concluded.laws.iter().cloned()).collect();
     extended.effects.retain(|e| !effects.iter().any(|n| problem::is_same(n, e)));
     extended.effects.extend(effects);
-    let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant);
+    let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant, &searched.hyper);
     let (before, after) = (told(&problem, runs, &settled_null)?, told(&problem, runs, &extended)?);
     let validation_before = told(&judged_on, validation, &settled_null)?;
     let validation_after = told(&judged_on, validation, &extended)?;

@@ -12,14 +12,16 @@ use rayon::prelude::*;
 const STARTING_ROWS: usize = 3;
 
 impl Problem {
-    /// Of every block, the channels' errors with a plant and its own effects.
-    pub(crate) fn misfit(&self, runs: &[Run], plant: &Plant) -> Result<Vec<ChannelMisfit>, ModelError> {
+    /// Of every block, the channels' errors with a plant and its own effects: discrepancies as stated, noise as inferred.
+    pub(crate) fn misfit(&self, runs: &[Run], plant: &Plant, hyper: &[f64]) -> Result<Vec<ChannelMisfit>, ModelError> {
         let of_member = |member: &crate::problem::Member| -> Result<Vec<ChannelMisfit>, ModelError> {
             let block = member.block.as_ref();
             let predicted = block.predict(plant, &plant.effects)?;
             let residual: Vec<f64> = block.measured().iter().zip(&predicted).map(|(y, p)| y - p).collect();
             let mut white = Columns::of(&[residual]);
-            let stated: Vec<f64> = block.hyper_parameters().iter().map(crate::block::HyperParameter::stated).collect();
+            let inferred = block.hyper_parameters().iter().zip(self.hyper_of(member, hyper));
+            let stated: Vec<f64> =
+                inferred.map(|(h, value)| if h.strength_of.is_some() { h.stated() } else { *value }).collect();
             block.whiten(&stated, &mut white);
             let white = white.column(0);
             let channels = block.channels();

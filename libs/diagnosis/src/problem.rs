@@ -91,6 +91,16 @@ impl Problem {
                 members.extend(block.map(|block| Member { run, family, block }));
             }
         }
+        // A family has one noise model: what does not share it with the first of its family is left out.
+        let of_first: Vec<(usize, usize)> =
+            members.iter().map(|m| (m.family, m.block.hyper_parameters().len())).collect();
+        let fits = |m: &Member| {
+            of_first
+                .iter()
+                .find(|(family, _)| *family == m.family)
+                .is_some_and(|(_, n)| *n == m.block.hyper_parameters().len())
+        };
+        members.retain(fits);
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         Ok(Self::of(plant, runs.len(), members, candidates(plant, duration_s)))
     }
@@ -148,6 +158,29 @@ impl Problem {
             }
         }
         out
+    }
+
+    /// The same without the blocks whose noise model another problem does not have, with that one's hyper-parameters.
+    pub(crate) fn with_noise_of(mut self, other: &Self) -> Self {
+        let knows = |m: &Member| {
+            let family = other.members.iter().find(|o| o.family == m.family);
+            family.is_some_and(|o| o.block.hyper_parameters().len() == m.block.hyper_parameters().len())
+        };
+        self.members.retain(knows);
+        (self.hyper, self.family_at, self.family_of) =
+            (other.hyper.clone(), other.family_at.clone(), other.family_of.clone());
+        self
+    }
+
+    /// Number of runs that have any block.
+    pub(crate) fn runs(&self) -> usize {
+        (0..self.runs).filter(|run| self.members.iter().any(|m| m.run == *run)).count()
+    }
+
+    /// Hyper-parameters of a family.
+    pub(crate) fn hyper_of<'h>(&self, member: &Member, hyper: &'h [f64]) -> &'h [f64] {
+        let mine = self.family_at[member.family];
+        &hyper[mine..mine + member.block.hyper_parameters().len()]
     }
 
     pub(crate) fn is_empty(&self) -> bool {

@@ -32,6 +32,7 @@ const ALIKE: f64 = 0.9;
 /// Variations from run to run that sets are compared at; below the least the prior is flat.
 const VARIATIONS: [f64; 5] = [1e-4, 0.03, 0.1, 0.3, 1.0];
 const LEAST_VARIATION: f64 = 0.03;
+const FEWEST_VARYING: usize = 3;
 /// Rounds of search, optimization and linearization at the most.
 const ROUNDS: usize = 14;
 /// Steps of estimation about one set at the most.
@@ -357,7 +358,9 @@ impl<'a> Search<'a> {
             grid.extend(AROUND.iter().map(|b| around(a, *b, 1.0)));
         }
         grid.extend(AROUND.iter().map(|c| around(1.0, 1.0, *c)));
-        for variation in VARIATIONS {
+        // A variation from run to run is one only among several: of fewer runs its prior alone would speak.
+        let variations = if self.problem.runs() < FEWEST_VARYING { &VARIATIONS[..1] } else { &VARIATIONS[..] };
+        for variation in variations.iter().copied() {
             let mut varied = present.to_vec();
             if let Some(last) = varied.last_mut() {
                 *last = variation;
