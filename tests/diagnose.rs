@@ -21,6 +21,10 @@ fn shared(case: &str) -> Option<PathBuf> {
 
 /// Diagnoses the runs of a case whose name says validation, or all where none does.
 fn diagnose(case: &Path) -> Value {
+    diagnose_by("windowed", case)
+}
+
+fn diagnose_by(engine: &str, case: &Path) -> Value {
     let mut runs: Vec<PathBuf> = std::fs::read_dir(case).unwrap().map(|e| e.unwrap().path()).collect();
     runs.retain(|path| path.is_dir());
     runs.sort();
@@ -28,7 +32,13 @@ fn diagnose(case: &Path) -> Value {
         runs.into_iter().partition(|p| p.to_string_lossy().contains("validation"));
     let out = tempfile::tempdir().unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_fss"));
-    command.arg("diagnose").args(&fitted).arg("--plant").arg(case.join("plant.toml")).arg("--out").arg(out.path());
+    command
+        .args(["diagnose", "--engine", engine])
+        .args(&fitted)
+        .arg("--plant")
+        .arg(case.join("plant.toml"))
+        .arg("--out")
+        .arg(out.path());
     if !validation.is_empty() {
         command.arg("--validate").args(&validation);
     }
@@ -84,6 +94,32 @@ fn a_weak_thruster_hidden_by_another_engine_is_found_and_the_extended_model_pred
     assert_within(&cause["parameters"]["scale"]["value"], 0.72, 0.05);
     let gain = |key: &str| diagnosis["gain"][key].as_f64().unwrap();
     assert!(gain("ratio_after") < gain("ratio_before"), "{} -> {}", gain("ratio_before"), gain("ratio_after"));
+}
+
+/// The engine of marginal likelihoods, on the same runs and on vehicles that it was not made with.
+#[test]
+fn by_their_evidence_a_tilt_a_weak_thruster_and_nothing_are_what_they_are() {
+    let causes = |diagnosis: &Value| diagnosis["causes"].as_array().unwrap().len();
+    let tilt = diagnose_by("evidence", &data("dev-tilt"));
+    assert_eq!((causes(&tilt), &tilt["causes"][0]["effect"]), (1, &Value::from("table_tilt")));
+    assert_within(&tilt["causes"][0]["parameters"]["accel_x_m_s2"]["value"], 0.0021, 0.05);
+    let thruster = diagnose_by("evidence", &data("dev-thruster"));
+    assert_eq!((causes(&thruster), &thruster["causes"][0]["effect"]), (1, &Value::from("thruster_gain")));
+    assert_eq!(thruster["causes"][0]["index"], 3);
+    assert_within(&thruster["causes"][0]["parameters"]["scale"]["value"], 0.72, 0.05);
+    let clean = diagnose_by("evidence", &data("dev-clean"));
+    assert_eq!((causes(&clean), &clean["verdict"]), (0, &Value::from("consistent")));
+    for (case, wanted) in [("dev-other-05", vec![]), ("dev-other-09", vec!["table_tilt", "thruster_gain"])] {
+        let Some(case) = shared(case) else {
+            println!("skipped: {case} is not beside the repository");
+            continue;
+        };
+        let diagnosis = diagnose_by("evidence", &case);
+        let mut named: Vec<&str> =
+            diagnosis["causes"].as_array().unwrap().iter().map(|c| c["effect"].as_str().unwrap()).collect();
+        named.sort_unstable();
+        assert_eq!(named, wanted, "{diagnosis}");
+    }
 }
 
 #[test]

@@ -10,7 +10,7 @@ mod summary;
 
 use crate::files::{TextFile, write};
 use clap::Args;
-use engine::diagnose;
+use engine::{Engine, diagnose};
 use fss_identify::measured::Run;
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -23,8 +23,7 @@ const EXTENDED: &str = "extended.toml";
 
 /// Find what the simulation of a plant gets wrong about measured runs: where, why, and what knowing it gains.
 ///
-/// Predicts the runs along their measured paths, compares all sets of causes among the effects that a plant can have by their
-/// marginal likelihood, and writes the extended plant, diagnosis.json and diagnosis.html to DIR.
+/// Looks for the causes of what is wrong among the effects that a plant can have, and writes the extended plant, diagnosis.json and diagnosis.html to DIR.
 #[derive(Args)]
 pub struct DiagnoseArgs {
     /// Measured runs: folders in the format fss-experiment/1, or logs of `fss run`.
@@ -42,6 +41,9 @@ pub struct DiagnoseArgs {
     /// Write the answer as JSON here too.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// How causes are compared.
+    #[arg(long, value_enum, default_value_t)]
+    engine: Engine,
 }
 
 /// Runs the command.
@@ -51,8 +53,8 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
     let fitted = runs::read(&args.runs, &plant)?;
     let validation = runs::read(&args.validate, &plant)?;
     let bar = progress();
-    let diagnosis =
-        diagnose(&plant, &fitted, &validation, &|what| bar.set_message(what.to_owned())).into_diagnostic()?;
+    let diagnosis = diagnose(args.engine, &plant, &fitted, &validation, &|what| bar.set_message(what.to_owned()))
+        .into_diagnostic()?;
     bar.finish_and_clear();
     if diagnosis.before.is_empty() && diagnosis.validation_before.is_empty() {
         return Err(nothing_to_simulate(&fitted));

@@ -20,8 +20,8 @@ pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
     causes(&mut html, diagnosis);
     gain(&mut html, diagnosis);
     html.push_str(
-        "<h2>Where the simulation is wrong</h2><p>RMS error of one-step predictions over what the stated noise alone would give, \
-         the plant's uncertain values at their posterior mean. 1 is noise.</p>",
+        "<h2>Where the simulation is wrong</h2><p>RMS error over what noise alone would give, the plant's uncertain values as the data \
+         settle them. 1 is noise.</p>",
     );
     table(&mut html, &diagnosis.before, &diagnosis.validation_before);
     unexplained(&mut html, diagnosis);
