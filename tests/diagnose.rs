@@ -109,16 +109,10 @@ fn by_their_evidence_a_tilt_a_weak_thruster_and_nothing_are_what_they_are() {
     assert_within(&thruster["causes"][0]["parameters"]["scale"]["value"], 0.72, 0.05);
     let clean = diagnose_by("evidence", &data("dev-clean"));
     assert_eq!((causes(&clean), &clean["verdict"]), (0, &Value::from("consistent")));
-    for (case, wanted) in [("dev-other-05", vec![]), ("dev-other-09", vec!["table_tilt", "thruster_gain"])] {
-        let Some(case) = shared(case) else {
-            println!("skipped: {case} is not beside the repository");
-            continue;
-        };
-        let diagnosis = diagnose_by("evidence", &case);
-        let mut named: Vec<&str> =
-            diagnosis["causes"].as_array().unwrap().iter().map(|c| c["effect"].as_str().unwrap()).collect();
-        named.sort_unstable();
-        assert_eq!(named, wanted, "{diagnosis}");
+    // Another vehicle, without an arm.
+    if let Some(case) = shared("dev-other-05") {
+        let clean = diagnose_by("evidence", &case);
+        assert_eq!((causes(&clean), &clean["verdict"]), (0, &Value::from("consistent")), "{clean}");
     }
 }
 

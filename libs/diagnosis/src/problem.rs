@@ -303,9 +303,8 @@ impl Problem {
             let significant = now[i].abs() > SECANT_ABOVE * own.prior.typical[i];
             columns.push(match &alone {
                 Some(alone) if i == 0 => difference(alone, &predict(&zero)?, strength),
-                Some(_) if significant => difference(base, &predict(&moved(now, i, 0.0))?, now[i]),
+                _ if significant => difference(base, &predict(&moved(now, i, 0.0))?, now[i]),
                 Some(alone) => difference(&predict(&moved(&moved(&zero, 0, strength), i, strength))?, alone, strength),
-                None if significant => difference(base, &predict(&moved(now, i, 0.0))?, now[i]),
                 None => difference(&predict(&moved(now, i, now[i] + own.probe(i)))?, base, own.probe(i)),
             });
         }
@@ -437,7 +436,10 @@ impl Problem {
 
 /// Gram matrices of blocks that were asked for last, by their own hyper-parameters: those of one family do not move the others'.
 #[derive(Default)]
-pub(crate) struct GramCache(Mutex<HashMap<usize, Vec<(Vec<f64>, Arc<Gram>)>>>);
+pub(crate) struct GramCache(Mutex<HashMap<usize, Kept>>);
+
+/// Hyper-parameters and the Gram matrix at them.
+type Kept = Vec<(Vec<f64>, Arc<Gram>)>;
 
 /// Enough for the best point and the one being tried.
 const CACHED: usize = 3;

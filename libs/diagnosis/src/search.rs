@@ -121,7 +121,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         let estimate = search.estimate(&points, &best);
         let same = model.len() == best.causes.len() && model.iter().all(|p| best.causes.contains(&p.candidate));
         again = if same { again + 1 } else { 0 };
-        let still = search.stands_still(&model, &estimate) || again >= AGAIN;
+        let still = Search::stands_still(&model, &estimate) || again >= AGAIN;
         let mut key = best.causes.clone();
         key.sort_unstable();
         // A set that was left for another and comes back would go on so for ever: it is taken.
@@ -532,7 +532,7 @@ impl<'a> Search<'a> {
             let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
             let Some(posterior) = point.posterior.of_set(&slabs) else { break };
             let estimate = self.presented(set, &posterior);
-            let still = self.stands_still(&model, &estimate);
+            let still = Self::stands_still(&model, &estimate);
             model = estimate.0;
             if still {
                 break;
@@ -606,7 +606,7 @@ impl<'a> Search<'a> {
         Some((points.get(at)?.posterior.of_set(&slabs)?, at))
     }
 
-    fn stands_still(&self, model: &[Present], estimate: &(Vec<Present>, Vec<Vec<f64>>)) -> bool {
+    fn stands_still(model: &[Present], estimate: &(Vec<Present>, Vec<Vec<f64>>)) -> bool {
         let close = |now: &Present, sd: &Vec<f64>| {
             let before = model.iter().find(|p| p.candidate == now.candidate);
             before.is_some_and(|before| {

@@ -1,5 +1,7 @@
 //! Torque constants and frictions come out without bias whatever the telemetry's rate and noise.
 
+#![allow(clippy::unwrap_used)]
+
 use fss_diagnosis::block::{Block, HyperParameter};
 use fss_diagnosis::joints::{JointBlock, joint_block};
 use fss_estimation::Columns;
@@ -7,7 +9,7 @@ use fss_identify::measured::{Drive, Joints, Many, Run};
 use fss_plant::{Effect, Instruments, JointCommand, Plant, Simulation};
 use nalgebra::{DMatrix, DVector};
 
-const ARM: &str = r#"
+const ARM: &str = r"
 [base]
 mass_kg = 11.0
 inertia_kg_m2 = 0.3
@@ -33,7 +35,7 @@ viscous_friction_N_m_s_rad = 0.12
 torque_constant_N_m_A = 0.5
 joint_limit_rad = 2.0
 max_torque_N_m = 3.0
-"#;
+";
 
 fn plant(noise: f64) -> Plant {
     let sensors = format!(

@@ -165,6 +165,7 @@ fn log_upper_tail(x: f64) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};

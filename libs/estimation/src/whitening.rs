@@ -68,7 +68,9 @@ impl StateSpace {
                 let mean = &means[state * width..(state + 1) * width];
                 values.iter_mut().zip(mean).for_each(|(v, m)| *v -= coefficient * m);
             }
-            values.iter_mut().for_each(|v| *v /= sd);
+            for v in values.iter_mut() {
+                *v /= sd;
+            }
             for (state, g) in gain.iter().enumerate().filter(|(_, g)| **g != 0.0) {
                 let mean = &mut means[state * width..(state + 1) * width];
                 let g = g / sd;
@@ -129,6 +131,7 @@ fn project(covariance: &[f64], measurement: &Measurement, gain: &mut [f64]) -> f
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use nalgebra::{Cholesky, DMatrix, DVector};

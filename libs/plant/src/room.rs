@@ -72,6 +72,7 @@ impl Process {
 }
 
 #[cfg(test)]
+#[allow(clippy::expect_used)]
 mod tests {
     use super::*;
     use crate::parts::{Disturbance, SecondProcess};

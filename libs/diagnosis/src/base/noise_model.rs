@@ -97,10 +97,8 @@ impl NoiseModel {
             StateSpace { states: n, initial: self.initial(&h), steps: Vec::new(), measurements: Vec::new() };
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
             let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
-            let step = block.checked_sub(1).map(|before| {
-                space.steps.push(self.step(&h, before));
-                before
-            });
+            let step = block.checked_sub(1);
+            space.steps.extend(step.map(|before| self.step(&h, before)));
             for (channel, sd) in sds.iter().enumerate() {
                 let mut states = match channel {
                     0 => vec![(0, 1.0)],

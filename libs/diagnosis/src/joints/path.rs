@@ -36,7 +36,7 @@ impl MeasuredPath {
     pub(super) fn new(run: &Run, links: usize, sensors: &Sensors) -> Option<Self> {
         let joints = run.joints.as_ref()?;
         let (start_s, end_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
-        if !(end_s > start_s) || links == 0 {
+        if links == 0 || end_s.partial_cmp(&start_s) != Some(std::cmp::Ordering::Greater) {
             return None;
         }
         let nodes = ((end_s - start_s) / NODE_S).ceil() as usize + 1;
@@ -91,6 +91,7 @@ impl MeasuredPath {
     }
 
     /// Spacing of the nodes, s.
+    #[allow(clippy::unused_self)]
     pub(super) fn step_s(&self) -> f64 {
         NODE_S
     }
