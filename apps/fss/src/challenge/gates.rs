@@ -16,6 +16,7 @@ const ENOUGH: usize = 20;
 
 /// One gate: what was reached, and what must be.
 #[derive(Clone, Debug, Serialize)]
+#[allow(clippy::struct_field_names)]
 pub struct Gate {
     /// What is measured.
     pub name: &'static str,
