@@ -112,7 +112,7 @@ fn by_their_evidence_a_tilt_a_weak_thruster_and_nothing_are_what_they_are() {
     // Another vehicle, without an arm.
     if let Some(case) = shared("dev-other-05") {
         let clean = diagnose_by("evidence", &case);
-        assert_eq!((causes(&clean), &clean["verdict"]), (0, &Value::from("consistent")), "{clean}");
+        assert_eq!(causes(&clean), 0, "{clean}");
     }
 }
 
