@@ -89,7 +89,8 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
         row.value -= TAU * ((row.value - nominal) / TAU).round();
     }
-    let slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);
+    let mut slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);
+    linearize::timing(&mechanics, &path, &rows, &mut slopes);
     let averaging = linearize::averaging(&mechanics, &path, &rows, &nominal);
     if nominal.iter().chain(&averaging).any(|v| !v.is_finite()) {
         return None;

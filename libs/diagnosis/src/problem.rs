@@ -33,9 +33,10 @@ pub(crate) struct Present {
 const SECANT_ABOVE: f64 = 0.05;
 /// Step of a tangent over the typical size.
 const TANGENT_STEP: f64 = 0.1;
-/// Run-to-run variation of causes: median of the prior of its share of a cause's typical size, deviation of its logarithm.
+/// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
+/// day. What is absent does not vary, or variation could stand for any cause.
 const VARIATION: HyperParameter = HyperParameter {
-    name: "variation from run to run over typical size",
+    name: "variation from run to run, share of size",
     median: 0.05,
     log_sd: 1.5,
     bounds: [1e-4, 3.0],
@@ -58,8 +59,6 @@ pub(crate) struct Problem {
     pub(crate) family_of: Vec<usize>,
     /// Deviation of each parameter's spike.
     pub(crate) spikes: Vec<f64>,
-    /// Typical size of each parameter that may vary from run to run; 0 of uncertain values.
-    variation: Vec<f64>,
 }
 
 /// How the columns of a present cause are taken.
@@ -74,6 +73,17 @@ pub(crate) enum Slope {
 /// Columns of every block about a model: the data, then every parameter.
 pub(crate) struct Linearized {
     pub(crate) columns: Vec<Vec<Vec<f64>>>,
+    /// Size of each parameter in the model, which may vary from run to run.
+    size: Vec<f64>,
+}
+
+/// Whitened columns of a block: those that are not 0 throughout.
+pub(crate) struct Whitened {
+    /// A column of the block in each row.
+    pub(crate) rows: DMatrix<f64>,
+    /// Which it is: 0 is the data, i + 1 the i-th parameter that was asked for.
+    pub(crate) places: Vec<usize>,
+    pub(crate) log_det: f64,
 }
 
 impl Problem {
@@ -117,30 +127,16 @@ impl Problem {
         family_of.push(usize::MAX);
         hyper.push(VARIATION);
         let uncertain = uncertain(plant);
-        let (mut first, mut spikes, mut variation) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut first, mut spikes) = (Vec::new(), Vec::new());
         for candidate in &candidates {
             first.push(spikes.len());
             let discrete = candidate.prior.response == Response::Discrete;
             for i in 0..candidate.size {
                 spikes.push(if discrete { 1e-6 } else { candidate.prior.spike[i] });
-                variation.push(if discrete { 0.0 } else { candidate.prior.typical[i] });
             }
         }
         spikes.extend(uncertain.iter().map(|_| 1.0));
-        variation.extend(uncertain.iter().map(|_| 0.0));
-        Self {
-            plant: plant.clone(),
-            members,
-            runs,
-            candidates,
-            first,
-            uncertain,
-            hyper,
-            family_at,
-            family_of,
-            spikes,
-            variation,
-        }
+        Self { plant: plant.clone(), members, runs, candidates, first, uncertain, hyper, family_at, family_of, spikes }
     }
 
     /// The plant with its uncertain values moved by so many standard deviations.
@@ -183,6 +179,14 @@ impl Problem {
         &hyper[mine..mine + member.block.hyper_parameters().len()]
     }
 
+    /// Families of blocks in which a candidate acts.
+    pub(crate) fn families(&self, linearized: &Linearized, candidate: usize) -> Vec<usize> {
+        let acts =
+            |columns: &Vec<Vec<f64>>| self.parameters_of(candidate).any(|p| columns[p + 1].iter().any(|v| *v != 0.0));
+        let all = self.members.iter().zip(&linearized.columns);
+        all.filter(|(_, columns)| acts(columns)).map(|(member, _)| member.family).collect()
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
@@ -222,7 +226,13 @@ impl Problem {
         let wanted: Vec<bool> = (0..self.candidates.len()).map(wanted).collect();
         let columns = self.members.par_iter().zip(before);
         let columns = columns.map(|(m, before)| self.columns(m.block.as_ref(), model, slope, &wanted, before));
-        Ok(Linearized { columns: columns.collect::<Result<_, _>>()? })
+        let mut size = vec![0.0; self.parameters()];
+        let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
+        for present in model.iter().filter(continuous) {
+            let own = self.parameters_of(present.candidate).zip(&present.coordinates);
+            own.for_each(|(p, value)| size[p] = value.abs());
+        }
+        Ok(Linearized { columns: columns.collect::<Result<_, _>>()?, size })
     }
 
     fn columns(
@@ -318,15 +328,15 @@ impl Problem {
         columns: &[Vec<f64>],
         hyper: &[f64],
         parameters: &[usize],
-    ) -> (DMatrix<f64>, f64) {
-        let mine = self.family_at[member.family];
-        let count = member.block.hyper_parameters().len();
-        let empty = vec![0.0; columns[0].len()];
-        let column = |i: usize| if columns[i].is_empty() { empty.as_slice() } else { columns[i].as_slice() };
-        let chosen: Vec<&[f64]> = std::iter::once(0).chain(parameters.iter().map(|p| p + 1)).map(column).collect();
+    ) -> Whitened {
+        let acts = |place: &usize| *place == 0 || columns[*place].iter().any(|v| *v != 0.0);
+        let all: Vec<usize> = std::iter::once(0).chain(parameters.iter().map(|p| p + 1)).collect();
+        let places: Vec<usize> = (0..all.len()).filter(|i| acts(&all[*i])).collect();
+        let chosen: Vec<&[f64]> = places.iter().map(|i| columns[all[*i]].as_slice()).collect();
         let mut white = Columns::of(&chosen);
-        let log_det = member.block.whiten(&hyper[mine..mine + count], &mut white);
-        (DMatrix::from_row_slice(white.rows(), white.width(), white.values()), log_det)
+        let log_det = member.block.whiten(self.hyper_of(member, hyper), &mut white);
+        // Row by row is the transpose column by column.
+        Whitened { rows: DMatrix::from_column_slice(white.width(), white.rows(), white.values()), places, log_det }
     }
 
     /// Whether a candidate can do what a cause of the model does, with another size: the cosine of both actions over the sensors'
@@ -411,8 +421,13 @@ impl Problem {
             let mine = self.family_at[member.family];
             let own = &hyper[mine..mine + member.block.hyper_parameters().len()];
             let gram = cache.get(k, own, || {
-                let (matrix, log_det) = self.whitened(member, columns, hyper, parameters);
-                Gram { products: matrix.tr_mul(&matrix), log_det }
+                let white = self.whitened(member, columns, hyper, parameters);
+                let mut products = DMatrix::zeros(parameters.len() + 1, parameters.len() + 1);
+                let own = &white.rows * white.rows.transpose();
+                for (i, to_row) in white.places.iter().enumerate() {
+                    white.places.iter().enumerate().for_each(|(j, to)| products[(*to_row, *to)] = own[(i, j)]);
+                }
+                Gram { products, log_det: white.log_det }
             });
             (member.run, gram)
         };
@@ -420,7 +435,7 @@ impl Problem {
             self.members.par_iter().zip(&linearized.columns).enumerate().map(of_member).collect();
         let n = parameters.len() + 1;
         let kappa = *hyper.last()?;
-        let sd: Vec<f64> = parameters.iter().map(|p| kappa * self.variation[*p]).collect();
+        let sd: Vec<f64> = parameters.iter().map(|p| kappa * linearized.size[*p]).collect();
         let mut out = Vec::new();
         for run in (0..self.runs).filter(|run| all.iter().any(|(of, _)| of == run)) {
             let mut own = Gram { products: DMatrix::zeros(n, n), log_det: 0.0 };

@@ -56,15 +56,32 @@ impl Problem {
     fn products(&self, linearized: &Linearized, hyper: &[f64], base: &[usize]) -> Option<Products> {
         let all: Vec<usize> = (0..self.parameters()).collect();
         let of_member = |(member, columns): (&crate::problem::Member, &Vec<Vec<f64>>)| {
-            let (white, log_det) = self.whitened(member, columns, hyper, &all);
-            let place = |j: usize| if j == 0 { 0 } else { base[j - 1] + 1 };
-            let chosen = DMatrix::from_fn(white.nrows(), base.len() + 1, |i, j| white[(i, place(j))]);
+            let white = self.whitened(member, columns, hyper, &all);
+            let mut row_of = vec![None; all.len() + 1];
+            white.places.iter().enumerate().for_each(|(row, place)| row_of[*place] = Some(row));
+            let bases: Vec<Option<usize>> =
+                std::iter::once(0).chain(base.iter().map(|p| p + 1)).map(|p| row_of[p]).collect();
+            let known: Vec<usize> = bases.iter().flatten().copied().collect();
+            let columns = white.rows.transpose();
+            let products = white.rows.select_rows(&known) * &columns;
+            let mut with_base = DMatrix::zeros(bases.len(), all.len() + 1);
+            let rows_of_base = (0..bases.len()).filter(|i| bases[*i].is_some());
+            for (from, to) in rows_of_base.enumerate() {
+                white
+                    .places
+                    .iter()
+                    .enumerate()
+                    .for_each(|(row, place)| with_base[(to, *place)] = products[(from, row)]);
+            }
             let own = (0..self.candidates.len()).map(|c| {
                 let range = self.parameters_of(c);
-                let columns = white.columns(range.start + 1, range.len());
-                columns.tr_mul(&columns)
+                let row = |i: usize| row_of[range.start + 1 + i].map(|row| columns.column(row));
+                DMatrix::from_fn(range.len(), range.len(), |i, j| match (row(i), row(j)) {
+                    (Some(a), Some(b)) => a.dot(&b),
+                    _ => 0.0,
+                })
             });
-            Products { with_base: chosen.tr_mul(&white), own: own.collect(), log_det }
+            Products { with_base, own: own.collect(), log_det: white.log_det }
         };
         let add = |mut a: Products, b: Products| {
             a.with_base += b.with_base;

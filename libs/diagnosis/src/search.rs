@@ -4,7 +4,7 @@
 //! look alike; a cause shows at the strength that it leaves. So the sets are compared on a ladder of strengths, the best set's
 //! hyper-parameters are optimized, everything is linearized anew about it, until set and values stand still.
 
-use crate::block::Strength;
+use crate::block::{HyperParameter, Strength};
 use crate::problem::{GramCache, Linearized, Present, Problem, Slope};
 use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
 use fss_estimation::pattern_search::maximize;
@@ -21,6 +21,8 @@ const BEAM: usize = 8;
 const LADDER: [f64; 5] = [1.0, 0.25, 0.06, 0.015, 3e-3];
 /// And about the present ones.
 const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
+/// So many sets have the hyper-parameters that suit them best among those that all are compared at.
+const PROMISING: usize = 3;
 /// Strengths that all candidates are looked at first, and how many of them the search goes on with; of a law, so many shapes.
 const SCREENED_AT: [f64; 3] = [1.0, 0.1, 5e-3];
 const SHORTLIST: usize = 28;
@@ -86,6 +88,8 @@ pub(crate) struct Search<'a> {
     log_prior: Vec<f64>,
     /// Candidates that the present round looks at.
     pub(crate) chosen: Vec<usize>,
+    /// Causes of the model that everything is linearized about: they may vary from run to run.
+    varying: Vec<usize>,
     /// Pairs of candidates that these data cannot tell apart at all.
     pub(crate) identical: BTreeSet<(usize, usize)>,
 }
@@ -99,7 +103,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     if let Some(variation) = start.last_mut() {
         *variation = VARIATIONS[0];
     }
-    let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0);
+    let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0, |_| true);
     let mut hyper = null_hyper.clone();
     let mut model: Vec<Present> = Vec::new();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
@@ -115,7 +119,11 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
             }
             points = search.points(&linearized, &null_hyper, &hyper);
         }
-        let sets = search.beam(&points, largest);
+        search.varying = model.iter().map(|p| p.candidate).collect();
+        let mut sets = search.beam(&points, largest);
+        if search.add_optima(&linearized, &model, &sets, &mut points) {
+            sets = search.beam(&points, largest);
+        }
         let best = sets[0].clone();
         search.trace(&points, &sets);
         let estimate = search.estimate(&points, &best);
@@ -145,7 +153,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         if !same {
             search.note_identical(&linearized, &model)?;
         }
-        hyper = search.optimized(&linearized, &best.causes, &best.classes, start, 0.5);
+        hyper = search.optimized(&linearized, &best.causes, &best.classes, start, 0.5, |_| true);
         model = search.polished(model, &best, &hyper)?;
     }
     unreachable_round()
@@ -190,7 +198,15 @@ impl<'a> Search<'a> {
         problem.candidates.iter().for_each(|c| *count.entry(&c.kind).or_default() += 1);
         let kinds = count.len() as f64;
         let log_prior = problem.candidates.iter().map(|c| -(kinds * count[c.kind.as_str()] as f64).ln()).collect();
-        Self { problem, parameters, position, log_prior, chosen: Vec::new(), identical: BTreeSet::new() }
+        Self {
+            problem,
+            parameters,
+            position,
+            log_prior,
+            chosen: Vec::new(),
+            varying: Vec::new(),
+            identical: BTreeSet::new(),
+        }
     }
 
     /// Chooses the candidates that explain most beside the present model, at some strength of the discrepancy.
@@ -263,7 +279,7 @@ impl<'a> Search<'a> {
 
     fn log_prior_of(&self, hyper: &[f64]) -> f64 {
         let last = hyper.len() - 1;
-        let density = |(i, (h, value)): (usize, (&crate::block::HyperParameter, &f64))| {
+        let density = |(i, (h, value)): (usize, (&HyperParameter, &f64))| {
             let value = if i == last { value.max(LEAST_VARIATION) } else { *value };
             let z = (value / h.median).ln() / h.log_sd;
             -0.5 * z * z
@@ -292,6 +308,7 @@ impl<'a> Search<'a> {
         classes: &[usize],
         start: &[f64],
         width: f64,
+        families: impl Fn(usize) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
         let bounded = |logs: &[f64]| -> Vec<f64> {
@@ -308,7 +325,9 @@ impl<'a> Search<'a> {
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
         };
         let logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
-        let mut steps: Vec<f64> = self.problem.hyper.iter().map(|h| width * h.log_sd.min(1.5)).collect();
+        let step =
+            |(h, family): (&HyperParameter, &usize)| if families(*family) { width * h.log_sd.min(1.5) } else { 0.0 };
+        let mut steps: Vec<f64> = self.problem.hyper.iter().zip(&self.problem.family_of).map(step).collect();
         // How much causes vary from run to run is judged with all of them, on the grid.
         if let Some(variation) = steps.last_mut() {
             *variation = 0.0;
@@ -321,7 +340,7 @@ impl<'a> Search<'a> {
     /// Below the strength that the empty set needs, its inflated noise is no guide either: that is as stated.
     fn scaled(&self, null: &[f64], present: &[f64], family: usize, by: impl Fn(Strength) -> f64) -> Vec<f64> {
         let full = [Strength::Force, Strength::Torque, Strength::Joint].iter().all(|s| by(*s) == 1.0);
-        let scale = |(i, h): (usize, &crate::block::HyperParameter)| match h.strength_of {
+        let scale = |(i, h): (usize, &HyperParameter)| match h.strength_of {
             _ if self.problem.family_of[i] != family => present[i],
             Some(strength) => (null[i] * by(strength)).clamp(h.bounds[0], h.bounds[1]),
             None if full => null[i],
@@ -343,7 +362,7 @@ impl<'a> Search<'a> {
         }
         grid.extend(LADDER.iter().map(|c| self.scaled(null, present, 1, |_| *c)));
         let around = |a: f64, b: f64, c: f64| -> Vec<f64> {
-            let scale = |(h, value): (&crate::block::HyperParameter, &f64)| {
+            let scale = |(h, value): (&HyperParameter, &f64)| {
                 let by = match h.strength_of {
                     Some(Strength::Force) => a,
                     Some(Strength::Torque) => b,
@@ -377,6 +396,27 @@ impl<'a> Search<'a> {
         kept.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters, &cache)).collect()
     }
 
+    /// Adds the optima of the sets that promise most beyond the present model, in the hyper-parameters that their causes bear on.
+    fn add_optima(
+        &self,
+        linearized: &Linearized,
+        model: &[Present],
+        sets: &[Found],
+        points: &mut Vec<HyperPoint>,
+    ) -> bool {
+        let is_new = |set: &&Found| set.causes.iter().any(|c| model.iter().all(|p| p.candidate != *c));
+        let promising: Vec<&Found> = sets.iter().filter(is_new).take(PROMISING).collect();
+        for set in &promising {
+            let start = points[self.judge(points, &set.causes, &set.classes).1].hyper.clone();
+            let news = set.causes.iter().filter(|c| model.iter().all(|p| p.candidate != **c));
+            let families: BTreeSet<usize> = news.flat_map(|c| self.problem.families(linearized, *c)).collect();
+            let hyper =
+                self.optimized(linearized, &set.causes, &set.classes, &start, 0.5, |family| families.contains(&family));
+            points.extend(self.point(linearized, &hyper, &self.parameters, &GramCache::default()));
+        }
+        !promising.is_empty()
+    }
+
     fn classes(&self, candidate: usize) -> usize {
         let own = &self.problem.candidates[candidate];
         if own.prior.response == Response::Discrete { 1 } else { SLAB_WIDTHS.len() + own.prior.points.len() }
@@ -407,7 +447,10 @@ impl<'a> Search<'a> {
         let Some(slabs) = self.slabs(causes, classes, &self.position) else { return (f64::NEG_INFINITY, 0) };
         let weight: f64 = causes.iter().map(|c| (self.classes(*c) as f64).ln()).sum();
         let mut best = (f64::NEG_INFINITY, 0);
-        for (i, point) in points.iter().enumerate() {
+        // What is absent does not vary, or variation could stand for the cause itself.
+        let may_vary = self.varying.iter().all(|c| causes.contains(c));
+        let varies = |point: &HyperPoint| point.hyper.last().is_some_and(|v| *v > VARIATIONS[0] * 1.001);
+        for (i, point) in points.iter().enumerate().filter(|(_, p)| may_vary || !varies(p)) {
             let found =
                 point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior - weight);
             if found > best.0 {
@@ -561,10 +604,13 @@ impl<'a> Search<'a> {
                 format!("{} {:?} {:?}", c.kind, c.nominal.index(), c.nominal.channel())
             };
             eprintln!(
-                "    {:.1} {:?} {:?} at {at}",
+                "    {:.1} {:?} {:?} at {at}/{} {:?} prior {:.1}",
                 set.log_posterior,
                 set.causes.iter().map(name).collect::<Vec<_>>(),
-                set.classes
+                set.classes,
+                points.len(),
+                points[at].hyper,
+                points[at].log_prior
             );
         }
     }

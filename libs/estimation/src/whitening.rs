@@ -7,13 +7,20 @@
 
 use crate::Columns;
 
-/// A step from one time of measurement to the next.
-#[derive(Clone, Debug)]
+/// A step from one time of measurement to the next; matrices by their elements that are not 0: row, column, value.
+#[derive(Clone, Debug, Default)]
 pub struct Step {
-    /// Transition, n x n, row-major.
-    pub transition: Vec<f64>,
-    /// Covariance of the process noise of the step, n x n, row-major.
-    pub noise: Vec<f64>,
+    /// Transition, n x n.
+    pub transition: Vec<(usize, usize, f64)>,
+    /// Covariance of the process noise of the step, n x n, with the elements on both sides of its diagonal.
+    pub noise: Vec<(usize, usize, f64)>,
+}
+
+impl Step {
+    /// From the matrices n x n, row-major.
+    pub fn of_dense(n: usize, transition: &[f64], noise: &[f64]) -> Self {
+        Self { transition: nonzero(transition, n), noise: nonzero(noise, n) }
+    }
 }
 
 /// A scalar measurement.
@@ -53,12 +60,12 @@ impl StateSpace {
         let mut scratch = vec![0.0; n * n];
         let mut gain = vec![0.0; n];
         let mut log_det = 0.0;
-        let sparse: Vec<Vec<(usize, usize, f64)>> = self.steps.iter().map(|s| nonzero(&s.transition, n)).collect();
         for (row, measurement) in self.measurements.iter().enumerate() {
             if let Some(step) = measurement.step {
-                advance_means(&sparse[step], width, &means, &mut next);
+                let step = &self.steps[step];
+                advance_means(&step.transition, width, &means, &mut next);
                 std::mem::swap(&mut means, &mut next);
-                advance_covariance(&sparse[step], &self.steps[step].noise, n, &mut covariance, &mut scratch);
+                advance_covariance(step, n, &mut covariance, &mut scratch);
             }
             let variance = project(&covariance, measurement, &mut gain);
             let sd = variance.sqrt();
@@ -79,7 +86,8 @@ impl StateSpace {
             for i in 0..n {
                 let g = gain[i] / variance;
                 if g != 0.0 {
-                    (0..n).for_each(|j| covariance[i * n + j] -= g * gain[j]);
+                    let row = &mut covariance[i * n..(i + 1) * n];
+                    row.iter_mut().zip(&gain).for_each(|(p, other)| *p -= g * other);
                 }
             }
         }
@@ -102,14 +110,25 @@ fn advance_means(transition: &[(usize, usize, f64)], width: usize, means: &[f64]
 }
 
 /// `P <- F P F' + Q`, kept symmetric.
-fn advance_covariance(f: &[(usize, usize, f64)], noise: &[f64], n: usize, p: &mut [f64], half: &mut [f64]) {
+fn advance_covariance(step: &Step, n: usize, p: &mut [f64], half: &mut [f64]) {
     half.fill(0.0);
-    for &(i, j, f) in f {
-        (0..n).for_each(|c| half[i * n + c] += f * p[j * n + c]);
+    for &(i, j, f) in &step.transition {
+        let (to, from) = (&mut half[i * n..(i + 1) * n], &p[j * n..(j + 1) * n]);
+        to.iter_mut().zip(from).for_each(|(to, from)| *to += f * from);
     }
-    p.copy_from_slice(noise);
-    for &(i, j, f) in f {
-        (0..n).for_each(|r| p[r * n + i] += half[r * n + j] * f);
+    // The other side by rows of the transpose, F (F P)'.
+    p.fill(0.0);
+    for r in 0..n {
+        for c in 0..r {
+            half.swap(r * n + c, c * n + r);
+        }
+    }
+    for &(i, j, f) in &step.transition {
+        let (to, from) = (&mut p[i * n..(i + 1) * n], &half[j * n..(j + 1) * n]);
+        to.iter_mut().zip(from).for_each(|(to, from)| *to += f * from);
+    }
+    for &(i, j, q) in &step.noise {
+        p[i * n + j] += q;
     }
     for i in 0..n {
         for j in 0..i {
@@ -125,7 +144,9 @@ fn project(covariance: &[f64], measurement: &Measurement, gain: &mut [f64]) -> f
     let n = gain.len();
     gain.fill(0.0);
     for &(state, coefficient) in &measurement.states {
-        (0..n).for_each(|i| gain[i] += coefficient * covariance[i * n + state]);
+        // The covariance is symmetric: a row is a column.
+        let row = &covariance[state * n..(state + 1) * n];
+        gain.iter_mut().zip(row).for_each(|(g, c)| *g += coefficient * c);
     }
     measurement.states.iter().map(|(state, c)| c * gain[*state]).sum::<f64>() + measurement.variance
 }
@@ -149,10 +170,15 @@ mod tests {
         let mut of_row = Vec::new();
         for m in &model.measurements {
             if let Some(step) = m.step {
-                let f = square(&model.steps[step].transition);
+                let full = |elements: &[(usize, usize, f64)]| {
+                    let mut out = DMatrix::zeros(n, n);
+                    elements.iter().for_each(|(i, j, v)| out[(*i, *j)] += v);
+                    out
+                };
+                let f: DMatrix<f64> = full(&model.steps[step].transition);
                 let mut now: Vec<_> = maps.last().unwrap().iter().map(|map| &f * map).collect();
                 now.push(DMatrix::identity(n, n));
-                covariances.push(square(&model.steps[step].noise));
+                covariances.push(full(&model.steps[step].noise));
                 maps.push(now);
             }
             let mut h = DVector::zeros(n);
@@ -183,7 +209,7 @@ mod tests {
             let m = DMatrix::from_row_slice(n, n, &m);
             (&m * m.transpose()).as_slice().to_vec()
         };
-        let steps: Vec<Step> = (0..5).map(|_| Step { transition: any(0.8), noise: squared(any(0.5)) }).collect();
+        let steps: Vec<Step> = (0..5).map(|_| Step::of_dense(n, &any(0.8), &squared(any(0.5)))).collect();
         let initial = squared(any(2.0));
         let measurements = (0..12)
             .map(|row| Measurement {

@@ -33,6 +33,12 @@ pub(super) struct NoiseModel {
     gyro_walk: f64,
 }
 
+/// A step's matrices, n x n, row-major.
+struct Dense {
+    transition: Vec<f64>,
+    noise: Vec<f64>,
+}
+
 impl NoiseModel {
     pub(super) fn new(plant: &Plant, run: &Run, samples: &Samples, predictor: &Predictor) -> Result<Self, ModelError> {
         let physics = Physics::with(plant, &plant.effects);
@@ -148,7 +154,7 @@ impl NoiseModel {
         let mean = |a: f64, b: f64| 0.5 * (a + b);
         let (cx, cy) = (mean(from.1[0], to.1[0]), mean(from.1[1], to.1[1]));
         let (mass, inertia) = (self.mass_kg, mean(from.2, to.2));
-        let mut step = Step { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
+        let mut step = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
         (0..n).for_each(|i| step.transition[i * n + i] = 1.0);
         (step.transition[1], step.transition[2 * n + 3]) = (dt, dt);
         step.transition[4 * n + 5] = dt / inertia;
@@ -186,11 +192,11 @@ impl NoiseModel {
         if self.gyro_walk > 0.0 {
             step.noise[n * n - 1] += self.gyro_walk * dt;
         }
-        step
+        Step::of_dense(n, &step.transition, &step.noise)
     }
 
     /// Errors of the arm's path, of unit variance: of its momentum, which turns the base the other way, and of its place.
-    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Step) {
+    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Dense) {
         let Some((correlation_s, _)) = self.arm else { return };
         let n = self.states();
         let momentum = 0.5 * (self.arm_sd(h, block)[0] + self.arm_sd(h, block + 1)[0]);

@@ -29,7 +29,7 @@ fn drives(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64) -> Drives {
         let t_s = stamp_s - mechanics.physics(stamp_s).sensors.link_age_s(i);
         if known.as_ref().is_none_or(|k| k.0 != t_s) {
             let (arm, base) = (mechanics.arm(t_s), mechanics.base(t_s));
-            known = Some((t_s, arm, mechanics.torques(t_s, &base, &arm, true)));
+            known = Some((t_s, arm, mechanics.torques(t_s, &base, &arm, mechanics.thrust(t_s))));
         }
         let Some((_, arm, torques)) = &known else { continue };
         let motor = mechanics.motor_torque(t_s, i, torques[i], arm, path.rate_sd(i, stamp_s));
@@ -131,6 +131,26 @@ pub(super) fn anchors(
 fn pseudo_inverse_solved(mechanics: &Mechanics, anchor: &Anchor, path: &MeasuredPath, rows: &[Row]) -> JointVector {
     let unit = Anchor { inertia: SMatrix::identity(), ..anchor.clone() };
     driven(mechanics, &unit, path, rows)
+}
+
+/// A row's time is known to half of a valve's tick, s.
+const TIMING_S: f64 = 0.0025;
+
+/// Variance that the uncertain time of each drive's row gives it where thrust begins or ends: the square of half of what the
+/// row changes over the span of its samples and their timing, had the arm moved on evenly.
+pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], slopes: &mut [Slopes]) {
+    for moment in moments(rows) {
+        let t_s = rows[moment.start].t_s;
+        let stamps = &rows[moment.start].stamps_s;
+        let half_s = TIMING_S + stamps.iter().map(|s| (s - t_s).abs()).fold(0.0, f64::max);
+        let change = mechanics.thrust_change(t_s, half_s, path.joints.len());
+        for k in moment {
+            if let Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) = rows[k].kind {
+                let unit = if let Kind::Current(_) = rows[k].kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };
+                slopes[k].timing_variance = (0.5 * unit * change[i]).powi(2);
+            }
+        }
+    }
 }
 
 /// What all rows read at their times, where torques are known all the time.
@@ -243,7 +263,7 @@ fn torque_slopes(mechanics: &Mechanics, t_s: f64, links: usize) -> Vec<JointVect
             1 => arm.qd_rad_s[joint] += by,
             _ => arm.qdd_rad_s2[joint] += by,
         }
-        mechanics.torques(t_s, &base, &arm, true)
+        mechanics.torques(t_s, &base, &arm, mechanics.thrust(t_s))
     };
     let slope = |state: usize| {
         let (joint, derivative) = (state / 3, state % 3);

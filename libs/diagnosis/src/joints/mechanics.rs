@@ -185,8 +185,34 @@ impl<'a> Mechanics<'a> {
         }
     }
 
-    /// Torques that the drives pass on at the true time `t_s` for the arm to move so, N m; with thrust or without.
-    pub(super) fn torques(&self, t_s: f64, base: &BaseState, arm: &ArmState, with_thrust: bool) -> JointVector {
+    /// Thrust at the true time `t_s` in the base's frame, N, N and N m.
+    pub(super) fn thrust(&self, t_s: f64) -> [f64; 3] {
+        self.thrust.at(t_s)
+    }
+
+    /// How much of the joints' torques hangs on when within `half_s` of `t_s` they are read, because thrust changes there, N m.
+    pub(super) fn thrust_change(&self, t_s: f64, half_s: f64, links: usize) -> JointVector {
+        let steps = (2.0 * half_s / THRUST_STEP_S).ceil().max(1.0);
+        let near = (0..=steps as usize).map(|k| self.thrust.at(t_s + half_s * (2.0 * k as f64 / steps - 1.0)));
+        let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for thrust in near {
+            (0..3).for_each(|i| (lower[i], upper[i]) = (lower[i].min(thrust[i]), upper[i].max(thrust[i])));
+        }
+        let mut squares = JointVector::zeros();
+        let mut still = None;
+        for axis in (0..3).filter(|i| upper[*i] > lower[*i]) {
+            let (base, arm) = (self.base(t_s), self.arm(t_s));
+            let without = *still.get_or_insert_with(|| self.torques(t_s, &base, &arm, [0.0; 3]));
+            let mut change = [0.0; 3];
+            change[axis] = upper[axis] - lower[axis];
+            let by = self.torques(t_s, &base, &arm, change) - without;
+            (0..links).for_each(|i| squares[i] += by[i] * by[i]);
+        }
+        squares.map(f64::sqrt)
+    }
+
+    /// Torques that the drives pass on at the true time `t_s` for the arm to move so under a thrust in the base's frame, N m.
+    pub(super) fn torques(&self, t_s: f64, base: &BaseState, arm: &ArmState, thrust: [f64; 3]) -> JointVector {
         let (physics, model) = (self.physics(t_s), self.model(t_s));
         let mut state = State::at_rest(Coordinates::zeros());
         state.q.fixed_rows_mut::<3>(0).copy_from_slice(&base.pose);
@@ -199,7 +225,7 @@ impl<'a> Mechanics<'a> {
         }
         let motion = BaseMotion { t_s, pose: base.pose, velocity: base.velocity };
         let mut push = Vector3::from(physics.base_wrench(&motion));
-        let [fx, fy, torque] = if with_thrust { self.thrust.at(t_s) } else { [0.0; 3] };
+        let [fx, fy, torque] = thrust;
         let (sin, cos) = base.pose[2].sin_cos();
         push += Vector3::new(cos * fx - sin * fy, sin * fx + cos * fy, torque);
         let acceleration = model.prescribed_dynamics(&state, &arm.qdd_rad_s2, &push);
@@ -291,7 +317,7 @@ impl<'a> Mechanics<'a> {
         let links = self.path.joints.len();
         let mut nodes = vec![Vec::new(); links];
         for t_s in self.path.grid_s() {
-            let torques = self.torques(t_s, &self.base(t_s), &self.arm(t_s), false);
+            let torques = self.torques(t_s, &self.base(t_s), &self.arm(t_s), [0.0; 3]);
             nodes.iter_mut().enumerate().for_each(|(i, own)| own.push([torques[i], 0.0, 0.0]));
         }
         let rated = |own: Vec<[f64; 3]>| {

@@ -26,6 +26,8 @@ pub(super) struct Slopes {
     pub(super) torque: f64,
     /// Variance that dry friction of an unknown direction gives the row.
     pub(super) friction_variance: f64,
+    /// And thrust of which it is not known whether it had begun.
+    pub(super) timing_variance: f64,
     /// Of an end-effector's row: shares of x, y and angle in it that make its noise independent of the rows before it, and
     /// the standard deviation of what is left.
     pub(super) mix: Option<([f64; 3], f64)>,
@@ -111,13 +113,14 @@ impl NoiseModel {
 
     fn step(&self, dt_s: f64, moment: usize, hyper: &Hyper, initial: &[f64], places: &Places) -> Step {
         let n = places.count;
-        let (mut transition, mut noise) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let (mut transition, mut noise) =
+            (Vec::with_capacity(6 * self.links + n), Vec::with_capacity(9 * self.links + n));
         let paused = self.driven && dt_s > PAUSE * self.interval_s;
         let followed = if self.driven { None } else { Some(singer(dt_s, hyper.acceleration_s)) };
         for j in 0..self.links {
             let variance = self.acceleration_variance(moment, j, hyper);
             if paused {
-                (0..3).for_each(|i| noise[(3 * j + i) * (n + 1)] = initial[(3 * j + i) * (n + 1)]);
+                noise.extend((3 * j..3 * j + 3).map(|i| (i, i, initial[i * (n + 1)])));
                 continue;
             }
             let (f, q): Step3 = match followed {
@@ -126,16 +129,16 @@ impl NoiseModel {
             };
             for a in 0..3 {
                 for b in 0..3 {
-                    transition[(3 * j + a) * n + 3 * j + b] = f[a][b];
-                    noise[(3 * j + a) * n + 3 * j + b] = q[a][b];
+                    noise.push((3 * j + a, 3 * j + b, q[a][b]));
+                    if f[a][b] != 0.0 {
+                        transition.push((3 * j + a, 3 * j + b, f[a][b]));
+                    }
                 }
             }
         }
-        let kept = (-dt_s / hyper.torque_s).exp();
-        for i in 3 * self.links..n {
-            transition[i * (n + 1)] = kept;
-            noise[i * (n + 1)] = -(-2.0 * dt_s / hyper.torque_s).exp_m1();
-        }
+        let (kept, new) = ((-dt_s / hyper.torque_s).exp(), -(-2.0 * dt_s / hyper.torque_s).exp_m1());
+        transition.extend((3 * self.links..n).map(|i| (i, i, kept)));
+        noise.extend((3 * self.links..n).map(|i| (i, i, new)));
         Step { transition, noise }
     }
 
@@ -148,13 +151,17 @@ impl NoiseModel {
             Kind::Rate(_) => (noise * hyper.noise[1]).powi(2),
             Kind::Torque(i) => {
                 states.extend(places.link[i].map(|place| (place, torque * hyper.link)));
-                (noise * hyper.noise[3]).powi(2) + self.white(torque, hyper)
+                (noise * hyper.noise[3]).powi(2) + self.white(torque, hyper) + slopes.timing_variance
             }
             Kind::Current(i) | Kind::Undriven(i) => {
                 states.extend(places.link[i].map(|place| (place, torque * hyper.link)));
                 states.extend(places.drive[i].map(|place| (place, torque * hyper.drive)));
                 let least = (torque * LEAST_TORQUE).powi(2);
-                (noise * hyper.noise[2]).powi(2) + self.white(torque, hyper) + slopes.friction_variance + least
+                (noise * hyper.noise[2]).powi(2)
+                    + self.white(torque, hyper)
+                    + slopes.friction_variance
+                    + slopes.timing_variance
+                    + least
             }
             Kind::Tip(axis) => {
                 let (mix, own) = slopes.mix.unwrap_or((std::array::from_fn(|c| f64::from(u8::from(c == axis))), noise));
