@@ -91,7 +91,7 @@ impl Block for BaseBlock {
     }
 
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
-        self.noise.state_space(hyper).whiten(columns)
+        self.noise.whiten(hyper, columns)
     }
 
     fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {

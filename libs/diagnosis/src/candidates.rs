@@ -1,7 +1,7 @@
 //! The causes that a plant can have, each with the coordinates in which a prediction is linear and their priors.
 
 use fss_plant::effects::catalogue;
-use fss_plant::{Effect, EffectKind, Index, Plant, Prior, Response, effects};
+use fss_plant::{Effect, EffectKind, Index, Plant, Prior, Response, SLAB_WIDTHS, effects};
 
 /// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
 const LAWS: [(&str, Period); 3] =
@@ -55,9 +55,10 @@ impl Candidate {
         self.prior.points.iter().map(|value| value - self.nominal.values()[0]).collect()
     }
 
-    /// A size of a coordinate at which its action is well seen: the typical one, on the side that its bounds allow.
+    /// A size of a coordinate at which its action is seen and not yet far from proportional, that of its narrowest slab, on the
+    /// side that its bounds allow.
     pub(crate) fn probe(&self, coordinate: usize) -> f64 {
-        let typical = self.prior.typical[coordinate];
+        let typical = SLAB_WIDTHS[0] * self.prior.typical[coordinate];
         if self.bounds(coordinate)[1] < typical { -typical } else { typical }
     }
 

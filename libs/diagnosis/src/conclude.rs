@@ -82,7 +82,7 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
 
 /// The candidate and those that act just as it does.
 fn equivalent(searched: &Searched, candidate: usize) -> Vec<usize> {
-    let others = searched.search.identical.iter().filter_map(|(a, b)| match candidate {
+    let others = searched.search.identical.keys().filter_map(|(a, b)| match candidate {
         c if c == *a => Some(*b),
         c if c == *b => Some(*a),
         _ => None,
@@ -128,7 +128,10 @@ fn alternatives(
             continue;
         }
         let candidate = &problem.candidates[*other];
-        let at = estimate_of(problem, searched, *other)
+        let matched = searched.search.identical.get(&(own.min(*other), own.max(*other)));
+        let matched = matched.filter(|(which, _)| which == other).map(|(_, at)| at.clone());
+        let at = matched
+            .or_else(|| estimate_of(problem, searched, *other))
             .unwrap_or_else(|| coordinates.iter().map(|c| c.abs()).take(candidate.size).collect());
         if let Some(effect) = candidate.at(&at).into_iter().next() {
             all.push(Alternative { effect, probability, is_equivalent });

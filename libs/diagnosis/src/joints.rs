@@ -31,7 +31,7 @@ use crate::block::{Block, HyperParameter};
 use fss_estimation::Columns;
 use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, Plant};
+use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust};
@@ -39,6 +39,7 @@ use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
 use std::f64::consts::TAU;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
 const TYPICAL_ACCELERATION: f64 = 1.0;
@@ -61,6 +62,8 @@ pub struct JointBlock {
     /// Mean over a row's samples less the reading at its time, less what the path is beside the command.
     shift: Vec<f64>,
     hyper: Vec<HyperParameter>,
+    /// Breakaway torque of each joint, N m, with the effects about which everything is linearized; `None` until they are known.
+    breakaway: Mutex<Option<Vec<f64>>>,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
     channels: Vec<String>,
@@ -229,12 +232,17 @@ impl JointBlock {
             anchors,
             shift,
             hyper,
+            breakaway: Mutex::new(None),
             measured,
             channel_of_row,
             channels,
             time_of_row,
             noise_of_row,
         }
+    }
+
+    fn breakaway(&self) -> MutexGuard<'_, Option<Vec<f64>>> {
+        self.breakaway.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
@@ -262,12 +270,18 @@ impl Block for JointBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let parts = (&self.run, &self.path, &self.loads);
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
+        let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
+        self.breakaway().get_or_insert_with(|| mechanics.physics(0.0).joints.iter().map(of).collect());
         let mut out = match &self.anchors {
             Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
         Ok(out)
+    }
+
+    fn forget(&self) {
+        *self.breakaway() = None;
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {
@@ -277,7 +291,8 @@ impl Block for JointBlock {
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
         let hyper = Hyper::new(hyper, self.model.driven);
         self.mix(columns);
-        self.model.state_space(&self.rows, &hyper).whiten(columns)
+        let breakaway = self.breakaway().clone().unwrap_or_else(|| vec![0.0; self.model.links]);
+        self.model.whiten(&self.rows, (&hyper, &breakaway), columns)
     }
 
     fn channel_of_row(&self) -> &[usize] {

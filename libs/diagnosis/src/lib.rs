@@ -11,6 +11,7 @@
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
 //! - [`diagnosis`]: the answer.
 
+mod alike;
 pub mod base;
 pub mod block;
 mod candidates;

@@ -208,7 +208,13 @@ fn command_at(command: &Many, joint: usize, t_s: f64) -> Option<[f64; 2]> {
     let (times, values) = (&command.t_s, command.values.get(joint)?);
     let after = times.partition_point(|t| *t <= t_s);
     if after == 0 || after >= times.len() {
-        return Some([command.at(joint, t_s).or(values.first().copied())?, 0.0]);
+        // A record ends while the motion goes on: for an interval more, then the command is taken to hold.
+        let end = if after == 0 { 0 } else { times.len() - 1 };
+        let beyond = t_s - times[end];
+        let interval = (times.last()? - times.first()?) / times.len().saturating_sub(1).max(1) as f64;
+        let rate = command.rate_at(joint, times[end]).unwrap_or(0.0);
+        let moves = if beyond.abs() < interval { rate } else { 0.0 };
+        return Some([values[end] + rate * beyond.clamp(-interval, interval), moves]);
     }
     let (t0, t1) = (times[after - 1], times[after]);
     let (h, u) = (t1 - t0, (t_s - t0) / (t1 - t0));

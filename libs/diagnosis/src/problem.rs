@@ -31,8 +31,8 @@ pub(crate) struct Present {
 
 /// Share of its typical size above which a coordinate's secant through zero is taken, not a probe.
 const SECANT_ABOVE: f64 = 0.05;
-/// Step of a tangent over the typical size.
-const TANGENT_STEP: f64 = 0.1;
+/// Step of a tangent over the probe's size.
+const TANGENT_STEP: f64 = 0.4;
 /// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
 /// day. What is absent does not vary, or variation could stand for any cause.
 const VARIATION: HyperParameter = HyperParameter {
@@ -77,12 +77,28 @@ pub(crate) struct Linearized {
     size: Vec<f64>,
 }
 
-/// Whitened columns of a block: those that are not 0 throughout.
+/// The data and some parameters' columns of a block side by side: those that are not 0 throughout.
+pub(crate) struct Prepared {
+    columns: Columns,
+    /// Which each is: 0 is the data, i + 1 the i-th parameter that was asked for.
+    pub(crate) places: Vec<usize>,
+}
+
+impl Prepared {
+    /// From all columns of the block.
+    pub(crate) fn new(columns: &[Vec<f64>], parameters: &[usize]) -> Self {
+        let all: Vec<usize> = std::iter::once(0).chain(parameters.iter().map(|p| p + 1)).collect();
+        let acts = |place: &usize| *place == 0 || columns[*place].iter().any(|v| *v != 0.0);
+        let places: Vec<usize> = (0..all.len()).filter(|i| acts(&all[*i])).collect();
+        let chosen: Vec<&[f64]> = places.iter().map(|i| columns[all[*i]].as_slice()).collect();
+        Self { columns: Columns::of(&chosen), places }
+    }
+}
+
+/// The same, whitened.
 pub(crate) struct Whitened {
     /// A column of the block in each row.
     pub(crate) rows: DMatrix<f64>,
-    /// Which it is: 0 is the data, i + 1 the i-th parameter that was asked for.
-    pub(crate) places: Vec<usize>,
     pub(crate) log_det: f64,
 }
 
@@ -179,6 +195,11 @@ impl Problem {
         &hyper[mine..mine + member.block.hyper_parameters().len()]
     }
 
+    /// Whether a candidate's columns in a family serve the first look at all candidates: a law's are many, and show in the base.
+    pub(crate) fn at_first(&self, candidate: usize, family: usize) -> bool {
+        !self.candidates[candidate].is_law || Some(family) == self.members.iter().map(|m| m.family).min()
+    }
+
     /// Families of blocks in which a candidate acts.
     pub(crate) fn families(&self, linearized: &Linearized, candidate: usize) -> Vec<usize> {
         let acts =
@@ -213,19 +234,22 @@ impl Problem {
         self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
     }
 
-    /// Linearizes every block about a model. Candidates that are not `wanted` keep the columns of `before`, or get none.
+    /// Linearizes every block about a model. Candidates that are not `wanted` in a family keep the columns of `before`, or get
+    /// none.
     pub(crate) fn linearized(
         &self,
         model: &[Present],
         slope: Slope,
-        wanted: &dyn Fn(usize) -> bool,
+        wanted: &(dyn Fn(usize, usize) -> bool + Sync),
         before: Option<Linearized>,
     ) -> Result<Linearized, ModelError> {
         let before =
             before.map_or_else(|| vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()], |b| b.columns);
-        let wanted: Vec<bool> = (0..self.candidates.len()).map(wanted).collect();
         let columns = self.members.par_iter().zip(before);
-        let columns = columns.map(|(m, before)| self.columns(m.block.as_ref(), model, slope, &wanted, before));
+        let columns = columns.map(|(m, before)| {
+            let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m.family)).collect();
+            self.columns(m.block.as_ref(), model, slope, &wanted, before)
+        });
         let mut size = vec![0.0; self.parameters()];
         let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
         for present in model.iter().filter(continuous) {
@@ -322,70 +346,11 @@ impl Problem {
     }
 
     /// The data and some parameters' columns of a block, whitened, and the logarithm of the noise's determinant.
-    pub(crate) fn whitened(
-        &self,
-        member: &Member,
-        columns: &[Vec<f64>],
-        hyper: &[f64],
-        parameters: &[usize],
-    ) -> Whitened {
-        let acts = |place: &usize| *place == 0 || columns[*place].iter().any(|v| *v != 0.0);
-        let all: Vec<usize> = std::iter::once(0).chain(parameters.iter().map(|p| p + 1)).collect();
-        let places: Vec<usize> = (0..all.len()).filter(|i| acts(&all[*i])).collect();
-        let chosen: Vec<&[f64]> = places.iter().map(|i| columns[all[*i]].as_slice()).collect();
-        let mut white = Columns::of(&chosen);
+    pub(crate) fn whitened(&self, member: &Member, prepared: &Prepared, hyper: &[f64]) -> Whitened {
+        let mut white = prepared.columns.clone();
         let log_det = member.block.whiten(self.hyper_of(member, hyper), &mut white);
         // Row by row is the transpose column by column.
-        Whitened { rows: DMatrix::from_column_slice(white.width(), white.rows(), white.values()), places, log_det }
-    }
-
-    /// Whether a candidate can do what a cause of the model does, with another size: the cosine of both actions over the sensors'
-    /// noise is beyond `identical`. Not asked where the cosine of their columns is below `alike`.
-    pub(crate) fn acts_alike(
-        &self,
-        linearized: &Linearized,
-        model: &[Present],
-        present: &Present,
-        other: usize,
-        alike: f64,
-        identical: f64,
-    ) -> Result<bool, ModelError> {
-        let (own, size) = (present.candidate, self.candidates[present.candidate].size);
-        if self.candidates[other].size != size {
-            return Ok(false);
-        }
-        let weighted = |a: &dyn Fn(usize) -> Vec<f64>, b: &dyn Fn(usize) -> Vec<f64>| -> f64 {
-            let of = |(k, m): (usize, &Member)| -> f64 {
-                a(k).iter().zip(b(k)).zip(m.block.noise_of_row()).map(|((a, b), sd)| a * b / (sd * sd)).sum()
-            };
-            self.members.iter().enumerate().map(of).sum()
-        };
-        let column = |p: usize, k: usize| linearized.columns[k][p + 1].clone();
-        let mut coordinates = Vec::new();
-        for i in 0..size {
-            let (mine, yours) = (self.first[own] + i, self.first[other] + i);
-            let cross = weighted(&|k| column(mine, k), &|k| column(yours, k));
-            let (a, b) = (
-                weighted(&|k| column(mine, k), &|k| column(mine, k)),
-                weighted(&|k| column(yours, k), &|k| column(yours, k)),
-            );
-            if cross.abs() < alike * (a * b).sqrt() || b == 0.0 {
-                return Ok(false);
-            }
-            coordinates.push(present.coordinates[i] * cross / b);
-        }
-        let rest: Vec<Present> = model.iter().filter(|p| p.candidate != own).cloned().collect();
-        let mut replaced = rest.clone();
-        replaced.push(Present { candidate: other, coordinates });
-        let predict = |model: &[Present]| -> Result<Vec<Vec<f64>>, ModelError> {
-            let effects = self.effects(model);
-            self.members.par_iter().map(|m| m.block.predict(&self.plant, &effects)).collect()
-        };
-        let (without, with, instead) = (predict(&rest)?, predict(model)?, predict(&replaced)?);
-        let mine = |k: usize| difference(&with[k], &without[k], 1.0);
-        let yours = |k: usize| difference(&instead[k], &without[k], 1.0);
-        let (a, b) = (weighted(&mine, &mine), weighted(&yours, &yours));
-        Ok(weighted(&mine, &yours).abs() > identical * (a * b).sqrt())
+        Whitened { rows: DMatrix::from_column_slice(white.width(), white.rows(), white.values()), log_det }
     }
 
     /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
@@ -421,11 +386,12 @@ impl Problem {
             let mine = self.family_at[member.family];
             let own = &hyper[mine..mine + member.block.hyper_parameters().len()];
             let gram = cache.get(k, own, || {
-                let white = self.whitened(member, columns, hyper, parameters);
+                let prepared = cache.prepared(k, || Prepared::new(columns, parameters));
+                let white = self.whitened(member, &prepared, hyper);
                 let mut products = DMatrix::zeros(parameters.len() + 1, parameters.len() + 1);
                 let own = &white.rows * white.rows.transpose();
-                for (i, to_row) in white.places.iter().enumerate() {
-                    white.places.iter().enumerate().for_each(|(j, to)| products[(*to_row, *to)] = own[(i, j)]);
+                for (i, to_row) in prepared.places.iter().enumerate() {
+                    prepared.places.iter().enumerate().for_each(|(j, to)| products[(*to_row, *to)] = own[(i, j)]);
                 }
                 Gram { products, log_det: white.log_det }
             });
@@ -449,9 +415,13 @@ impl Problem {
     }
 }
 
-/// Gram matrices of blocks that were asked for last, by their own hyper-parameters: those of one family do not move the others'.
+/// What is kept of a linearization and a choice of parameters: each block's columns, and its Gram matrices that were asked for
+/// last, by its own hyper-parameters: those of one family do not move the others'.
 #[derive(Default)]
-pub(crate) struct GramCache(Mutex<HashMap<usize, Kept>>);
+pub(crate) struct GramCache {
+    columns: Mutex<HashMap<usize, Arc<Prepared>>>,
+    grams: Mutex<HashMap<usize, Kept>>,
+}
 
 /// Hyper-parameters and the Gram matrix at them.
 type Kept = Vec<(Vec<f64>, Arc<Gram>)>;
@@ -460,8 +430,18 @@ type Kept = Vec<(Vec<f64>, Arc<Gram>)>;
 const CACHED: usize = 3;
 
 impl GramCache {
+    fn prepared(&self, block: usize, make: impl FnOnce() -> Prepared) -> Arc<Prepared> {
+        let lock = || self.columns.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some(known) = lock().get(&block) {
+            return known.clone();
+        }
+        let own = Arc::new(make());
+        lock().insert(block, own.clone());
+        own
+    }
+
     fn get(&self, block: usize, hyper: &[f64], make: impl FnOnce() -> Gram) -> Arc<Gram> {
-        let lock = || self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let lock = || self.grams.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((_, gram)) = lock().entry(block).or_default().iter().find(|(own, _)| own == hyper) {
             return gram.clone();
         }
@@ -494,7 +474,7 @@ fn varied(mut gram: Gram, sd: &[f64]) -> Option<Gram> {
     Some(gram)
 }
 
-fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
+pub(crate) fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b) / by).collect()
 }
 

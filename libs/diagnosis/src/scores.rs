@@ -37,7 +37,7 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
         out.left_out.push(without_each_run.iter().map(|less| gain(&all, less)).sum());
     }
     if let Some(validation) = validation.filter(|v| !v.is_empty()) {
-        let wanted = |c: usize| best.causes.contains(&c);
+        let wanted = |c: usize, _| best.causes.contains(&c);
         let linearized: Linearized = validation.linearized(&searched.model, Slope::Secant, &wanted, None)?;
         let grams = validation
             .grams_of_runs(&linearized, &searched.hyper, &parameters, &GramCache::default())

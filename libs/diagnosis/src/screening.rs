@@ -1,16 +1,22 @@
 //! A first look at all candidates, one at a time beside the present model: which are worth searching with.
 
-use crate::problem::{Linearized, Problem};
+use crate::problem::{Linearized, Prepared, Problem};
 use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Sums over all blocks: products of the data and the base columns with all columns, and those of each candidate's own.
-struct Products {
-    with_base: DMatrix<f64>,
-    own: Vec<DMatrix<f64>>,
+#[derive(Clone, Default)]
+pub(crate) struct Products {
+    pub(crate) with_base: DMatrix<f64>,
+    pub(crate) own: Vec<DMatrix<f64>>,
     log_det: f64,
 }
+
+/// Those of blocks, by block and its hyper-parameters.
+pub(crate) type KnownProducts = HashMap<(usize, Vec<u64>), Arc<Products>>;
 
 impl Problem {
     /// Logarithm of the marginal likelihood with each candidate, the parameters of `base` present with normal priors of the
@@ -18,13 +24,13 @@ impl Problem {
     /// class. The variation from run to run is left out.
     pub(crate) fn screened(
         &self,
-        linearized: &Linearized,
-        hyper: &[f64],
+        prepared: &[Prepared],
+        (hyper, known): (&[f64], &mut KnownProducts),
         base: &[usize],
         base_sd: &[f64],
         slabs: &(dyn Fn(usize) -> Vec<Vec<Slab>> + Sync),
     ) -> Option<Vec<f64>> {
-        let sum = self.products(linearized, hyper, base)?;
+        let sum = self.products(prepared, hyper, base, known)?;
         let n = base.len();
         let prior = |i: usize, j: usize| if i == j { base_sd[i].powi(-2) } else { 0.0 };
         let among = DMatrix::from_fn(n, n, |i, j| sum.with_base[(i + 1, base[j] + 1)] + prior(i, j));
@@ -53,21 +59,33 @@ impl Problem {
         Some((0..self.candidates.len()).into_par_iter().map(evidence).collect())
     }
 
-    fn products(&self, linearized: &Linearized, hyper: &[f64], base: &[usize]) -> Option<Products> {
+    /// All parameters' columns of every block.
+    pub(crate) fn prepared(&self, linearized: &Linearized) -> Vec<Prepared> {
         let all: Vec<usize> = (0..self.parameters()).collect();
-        let of_member = |(member, columns): (&crate::problem::Member, &Vec<Vec<f64>>)| {
-            let white = self.whitened(member, columns, hyper, &all);
-            let mut row_of = vec![None; all.len() + 1];
-            white.places.iter().enumerate().for_each(|(row, place)| row_of[*place] = Some(row));
+        linearized.columns.par_iter().map(|columns| Prepared::new(columns, &all)).collect()
+    }
+
+    pub(crate) fn products(
+        &self,
+        prepared: &[Prepared],
+        hyper: &[f64],
+        base: &[usize],
+        known: &mut KnownProducts,
+    ) -> Option<Products> {
+        let count = self.parameters() + 1;
+        let of_member = |(member, prepared): (&crate::problem::Member, &Prepared)| {
+            let white = self.whitened(member, prepared, hyper);
+            let mut row_of = vec![None; count];
+            prepared.places.iter().enumerate().for_each(|(row, place)| row_of[*place] = Some(row));
             let bases: Vec<Option<usize>> =
                 std::iter::once(0).chain(base.iter().map(|p| p + 1)).map(|p| row_of[p]).collect();
             let known: Vec<usize> = bases.iter().flatten().copied().collect();
             let columns = white.rows.transpose();
             let products = white.rows.select_rows(&known) * &columns;
-            let mut with_base = DMatrix::zeros(bases.len(), all.len() + 1);
+            let mut with_base = DMatrix::zeros(bases.len(), count);
             let rows_of_base = (0..bases.len()).filter(|i| bases[*i].is_some());
             for (from, to) in rows_of_base.enumerate() {
-                white
+                prepared
                     .places
                     .iter()
                     .enumerate()
@@ -83,13 +101,26 @@ impl Problem {
             });
             Products { with_base, own: own.collect(), log_det: white.log_det }
         };
-        let add = |mut a: Products, b: Products| {
-            a.with_base += b.with_base;
-            a.own.iter_mut().zip(b.own).for_each(|(a, b)| *a += b);
-            a.log_det += b.log_det;
-            a
-        };
-        let each: Vec<Products> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();
-        each.into_iter().reduce(add)
+        // Hyper-parameters of one family do not move the others' blocks.
+        let news: Vec<Option<Arc<Products>>> = (self.members.par_iter().zip(prepared).enumerate())
+            .map(|(k, (member, prepared))| {
+                let key = (k, self.hyper_of(member, hyper).iter().map(|h| h.to_bits()).collect());
+                if known.contains_key(&key) { None } else { Some(Arc::new(of_member((member, prepared)))) }
+            })
+            .collect();
+        let mut sum: Option<Products> = None;
+        for (k, new) in news.into_iter().enumerate() {
+            let key = (k, self.hyper_of(&self.members[k], hyper).iter().map(|h| h.to_bits()).collect());
+            let own = known.entry(key).or_insert_with(|| new.unwrap_or_default());
+            match &mut sum {
+                None => sum = Some(Products::clone(own)),
+                Some(sum) => {
+                    sum.with_base += &own.with_base;
+                    sum.own.iter_mut().zip(&own.own).for_each(|(a, b)| *a += b);
+                    sum.log_det += own.log_det;
+                }
+            }
+        }
+        sum
     }
 }

@@ -11,7 +11,7 @@ use fss_estimation::pattern_search::maximize;
 use fss_multibody::ModelError;
 use fss_plant::{Response, SLAB_WIDTHS};
 use rayon::prelude::*;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Prior probability of so many causes.
 const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
@@ -21,6 +21,8 @@ const BEAM: usize = 8;
 const LADDER: [f64; 5] = [1.0, 0.25, 0.06, 0.015, 3e-3];
 /// And about the present ones.
 const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
+/// Logarithms by which a strength is moved to look for another optimum.
+const FAR: [f64; 3] = [-4.0, 2.5, 5.0];
 /// So many sets have the hyper-parameters that suit them best among those that all are compared at.
 const PROMISING: usize = 3;
 /// Strengths that all candidates are looked at first, and how many of them the search goes on with; of a law, so many shapes.
@@ -28,9 +30,6 @@ const SCREENED_AT: [f64; 3] = [1.0, 0.1, 5e-3];
 const SHORTLIST: usize = 28;
 const SHAPES: usize = 3;
 const OF_A_KIND: usize = 8;
-/// Actions whose cosine is beyond this are one and the same; columns below the other cannot be.
-const IDENTICAL: f64 = 0.999;
-const ALIKE: f64 = 0.9;
 /// Variations from run to run that sets are compared at; below the least the prior is flat.
 const VARIATIONS: [f64; 5] = [1e-4, 0.03, 0.1, 0.3, 1.0];
 const LEAST_VARIATION: f64 = 0.03;
@@ -90,13 +89,14 @@ pub(crate) struct Search<'a> {
     pub(crate) chosen: Vec<usize>,
     /// Causes of the model that everything is linearized about: they may vary from run to run.
     varying: Vec<usize>,
-    /// Pairs of candidates that these data cannot tell apart at all.
-    pub(crate) identical: BTreeSet<(usize, usize)>,
+    /// Pairs of candidates that these data cannot tell apart at all, the smaller first, with the one of them that was not in the
+    /// model and the coordinates at which it does what the other did.
+    pub(crate) identical: BTreeMap<(usize, usize), (usize, Vec<f64>)>,
 }
 
 pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
     say("linearizing");
-    let mut linearized = problem.linearized(&[], Slope::Secant, &|_| true, None)?;
+    let mut linearized = problem.linearized(&[], Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
     let mut start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
@@ -113,47 +113,44 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         say(&format!("searching for up to {largest}, round {round}"));
         if !unchanged {
             search.shortlist(&linearized, &model, &null_hyper, &hyper);
-            if round > 1 {
-                let chosen = &search.chosen;
-                linearized = problem.linearized(&model, Slope::Secant, &|c| chosen.contains(&c), Some(linearized))?;
-            }
+            let chosen = &search.chosen;
+            let wanted = |c: usize, family: usize| chosen.contains(&c) && (round > 1 || !problem.at_first(c, family));
+            linearized = problem.linearized(&model, Slope::Secant, &wanted, Some(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
         search.varying = model.iter().map(|p| p.candidate).collect();
         let mut sets = search.beam(&points, largest);
-        if search.add_optima(&linearized, &model, &sets, &mut points) {
+        if search.add_optima(&linearized, &model, &sets, if unchanged { 1 } else { PROMISING }, &mut points) {
             sets = search.beam(&points, largest);
         }
         let best = sets[0].clone();
-        search.trace(&points, &sets);
-        let estimate = search.estimate(&points, &best);
         let same = model.len() == best.causes.len() && model.iter().all(|p| best.causes.contains(&p.candidate));
         again = if same { again + 1 } else { 0 };
-        let still = Search::stands_still(&model, &estimate) || again >= AGAIN;
+        let (estimate, deviations) = search.estimate(&points, &best);
+        let start = points[search.judge(&points, &best.causes, &best.classes).1].hyper.clone();
+        let now = search.polished(if same { model.clone() } else { estimate }, &best, &start)?;
+        let still = Search::stands_still(&model, &now, &deviations) || again >= AGAIN;
         let mut key = best.causes.clone();
         key.sort_unstable();
         // A set that was left for another and comes back would go on so for ever: it is taken.
         let comes_back = !same && !visited.insert(key);
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
+        model = now;
         if (still && is_whole) || comes_back || round == ROUNDS {
-            let sets = probabilities(sets);
-            let model = if same { model } else { estimate.0 };
-            return Ok(Searched { search, points, sets, model, hyper, linearized });
+            return Ok(Searched { search, points, sets: probabilities(sets), model, hyper, linearized });
         }
         if still {
             (largest, again, unchanged) = (largest + 1, 0, true);
             continue;
         }
         unchanged = false;
-        let start = &points[search.judge(&points, &best.causes, &best.classes).1].hyper;
-        model = search.polished(estimate.0, &best, start)?;
         say(&format!("linearizing about {}", search.names(&model)));
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-        linearized = problem.linearized(&model, Slope::Secant, &|c| present.contains(&c), Some(linearized))?;
+        linearized = problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
+        hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_| true);
         if !same {
-            search.note_identical(&linearized, &model)?;
+            search.note_identical(&linearized, &hyper, &model)?;
         }
-        hyper = search.optimized(&linearized, &best.causes, &best.classes, start, 0.5, |_| true);
         model = search.polished(model, &best, &hyper)?;
     }
     unreachable_round()
@@ -205,7 +202,7 @@ impl<'a> Search<'a> {
             log_prior,
             chosen: Vec::new(),
             varying: Vec::new(),
-            identical: BTreeSet::new(),
+            identical: BTreeMap::new(),
         }
     }
 
@@ -234,25 +231,15 @@ impl<'a> Search<'a> {
             }
         }
         let mut best = vec![f64::NEG_INFINITY; problem.candidates.len()];
+        let (prepared, mut known) = (problem.prepared(linearized), HashMap::new());
         for hyper in hypers {
-            let Some(values) = problem.screened(linearized, &hyper, &base, &sd, &slabs) else { continue };
+            let Some(values) = problem.screened(&prepared, (&hyper, &mut known), &base, &sd, &slabs) else { continue };
             let prior = self.log_prior_of(&hyper);
             best.iter_mut().zip(values).for_each(|(b, value)| *b = b.max(value + prior));
         }
         let value = |c: usize| best[c] + self.log_prior[c];
         let mut order: Vec<usize> = (0..best.len()).filter(|c| best[*c] > f64::NEG_INFINITY).collect();
         order.sort_by(|a, b| value(*b).total_cmp(&value(*a)).then(a.cmp(b)));
-        if std::env::var_os("FSS_TRACE").is_some() {
-            for c in order.iter().take(8) {
-                eprintln!(
-                    "    {:.1} {} {:?} {:?}",
-                    value(*c),
-                    problem.candidates[*c].kind,
-                    problem.candidates[*c].nominal.index(),
-                    problem.candidates[*c].nominal.channel()
-                );
-            }
-        }
         let mut chosen: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let mut of_kind: HashMap<&str, usize> = HashMap::new();
         for c in order {
@@ -324,7 +311,22 @@ impl<'a> Search<'a> {
             let Some(slabs) = self.slabs(causes, classes, &position) else { return f64::NEG_INFINITY };
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
         };
-        let logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
+        let mut logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
+        // A process that is far too weak to be seen has no slope: each strength is tried far from where it starts, too.
+        let mut found = value(&logs);
+        for (i, h) in self.problem.hyper.iter().enumerate() {
+            if h.strength_of.is_none() || !families(self.problem.family_of[i]) {
+                continue;
+            }
+            for by in FAR {
+                let mut far = logs.clone();
+                far[i] = (start[i].ln() + by).clamp(h.bounds[0].ln(), h.bounds[1].ln());
+                let there = value(&far);
+                if there > found {
+                    (found, logs) = (there, far);
+                }
+            }
+        }
         let step =
             |(h, family): (&HyperParameter, &usize)| if families(*family) { width * h.log_sd.min(1.5) } else { 0.0 };
         let mut steps: Vec<f64> = self.problem.hyper.iter().zip(&self.problem.family_of).map(step).collect();
@@ -402,10 +404,11 @@ impl<'a> Search<'a> {
         linearized: &Linearized,
         model: &[Present],
         sets: &[Found],
+        count: usize,
         points: &mut Vec<HyperPoint>,
     ) -> bool {
         let is_new = |set: &&Found| set.causes.iter().any(|c| model.iter().all(|p| p.candidate != *c));
-        let promising: Vec<&Found> = sets.iter().filter(is_new).take(PROMISING).collect();
+        let promising: Vec<&Found> = sets.iter().filter(is_new).take(count).collect();
         for set in &promising {
             let start = points[self.judge(points, &set.causes, &set.classes).1].hyper.clone();
             let news = set.causes.iter().filter(|c| model.iter().all(|p| p.candidate != **c));
@@ -526,18 +529,11 @@ impl<'a> Search<'a> {
 
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
     /// differ where actions are not in proportion.
-    fn note_identical(&mut self, linearized: &Linearized, model: &[Present]) -> Result<(), ModelError> {
-        for present in model {
+    fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], model: &[Present]) -> Result<(), ModelError> {
+        for present in model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
             let own = present.candidate;
-            for other in (0..self.problem.candidates.len()).filter(|c| *c != own) {
-                let pair = (own.min(other), own.max(other));
-                if self.identical.contains(&pair) || self.problem.candidates[other].is_law {
-                    continue;
-                }
-                if self.problem.acts_alike(linearized, model, present, other, ALIKE, IDENTICAL)? {
-                    self.identical.insert(pair);
-                }
-            }
+            let alike = self.problem.acting_alike(linearized, hyper, model, present)?;
+            self.identical.extend(alike.into_iter().map(|(other, at)| ((own.min(other), own.max(other)), (other, at))));
         }
         Ok(())
     }
@@ -557,11 +553,14 @@ impl<'a> Search<'a> {
         let own = &self.problem.candidates[candidate];
         let twice = |other: &usize| {
             let other = &self.problem.candidates[*other];
-            !own.is_law
-                && crate::problem::is_same(&own.nominal, &other.nominal)
-                && own.prior.response != Response::Discrete
+            // Of a law, one frequency: what leaks into its neighbours is no second law.
+            let one_law = own.is_law && own.kind == other.kind;
+            one_law
+                || !own.is_law
+                    && crate::problem::is_same(&own.nominal, &other.nominal)
+                    && own.prior.response != Response::Discrete
         };
-        let same = |other: &usize| self.identical.contains(&(candidate.min(*other), candidate.max(*other)));
+        let same = |other: &usize| self.identical.contains_key(&(candidate.min(*other), candidate.max(*other)));
         !causes.contains(&candidate) && !causes.iter().any(|c| twice(c) || same(c))
     }
 
@@ -570,13 +569,14 @@ impl<'a> Search<'a> {
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let (parameters, position) = self.parameters_with(&present);
         let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
-        for _ in 0..POLISHED {
-            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c| present.contains(&c), None)?;
+        let steps = if model.is_empty() { 0 } else { POLISHED };
+        for _ in 0..steps {
+            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c, _| present.contains(&c), None)?;
             let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
             let Some(posterior) = point.posterior.of_set(&slabs) else { break };
-            let estimate = self.presented(set, &posterior);
-            let still = Self::stands_still(&model, &estimate);
-            model = estimate.0;
+            let (estimate, deviations) = self.presented(set, &posterior);
+            let still = Self::stands_still(&model, &estimate, &deviations);
+            model = estimate;
             if still {
                 break;
             }
@@ -591,28 +591,6 @@ impl<'a> Search<'a> {
         let mut position = vec![None; self.problem.parameters()];
         parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
         (parameters, position)
-    }
-
-    fn trace(&self, points: &[HyperPoint], sets: &[Found]) {
-        if std::env::var_os("FSS_TRACE").is_none() {
-            return;
-        }
-        for set in sets.iter().take(4) {
-            let at = self.judge(points, &set.causes, &set.classes).1;
-            let name = |c: &usize| {
-                let c = &self.problem.candidates[*c];
-                format!("{} {:?} {:?}", c.kind, c.nominal.index(), c.nominal.channel())
-            };
-            eprintln!(
-                "    {:.1} {:?} {:?} at {at}/{} {:?} prior {:.1}",
-                set.log_posterior,
-                set.causes.iter().map(name).collect::<Vec<_>>(),
-                set.classes,
-                points.len(),
-                points[at].hyper,
-                points[at].log_prior
-            );
-        }
     }
 
     /// The best set at its posterior mean, and the deviations of its coordinates.
@@ -652,7 +630,7 @@ impl<'a> Search<'a> {
         Some((points.get(at)?.posterior.of_set(&slabs)?, at))
     }
 
-    fn stands_still(model: &[Present], estimate: &(Vec<Present>, Vec<Vec<f64>>)) -> bool {
+    fn stands_still(model: &[Present], estimate: &[Present], deviations: &[Vec<f64>]) -> bool {
         let close = |now: &Present, sd: &Vec<f64>| {
             let before = model.iter().find(|p| p.candidate == now.candidate);
             before.is_some_and(|before| {
@@ -660,7 +638,7 @@ impl<'a> Search<'a> {
                 moved.into_iter().all(|((a, b), sd)| (a - b).abs() <= (STANDS_STILL * sd).max(1e-3 * b.abs()))
             })
         };
-        model.len() == estimate.0.len() && estimate.0.iter().zip(&estimate.1).all(|(now, sd)| close(now, sd))
+        model.len() == estimate.len() && estimate.iter().zip(deviations).all(|(now, sd)| close(now, sd))
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! - [`Columns`]: time series side by side.
 //! - [`smoothing`]: a motion between sparse measurements.
-//! - [`StateSpace`]: a Kalman filter that whitens them.
+//! - [`Whitener`]: a Kalman filter that whitens them.
 
 mod columns;
 pub mod evidence;
@@ -12,4 +12,4 @@ pub mod smoothing;
 mod whitening;
 
 pub use columns::Columns;
-pub use whitening::{Measurement, StateSpace, Step};
+pub use whitening::{Step, Whitener};

@@ -17,88 +17,91 @@ pub struct Step {
 }
 
 impl Step {
-    /// From the matrices n x n, row-major.
-    pub fn of_dense(n: usize, transition: &[f64], noise: &[f64]) -> Self {
-        Self { transition: nonzero(transition, n), noise: nonzero(noise, n) }
+    /// Nothing in either matrix.
+    pub fn clear(&mut self) {
+        self.transition.clear();
+        self.noise.clear();
+    }
+
+    /// Takes over matrices n x n, row-major.
+    pub fn set_dense(&mut self, n: usize, transition: &[f64], noise: &[f64]) {
+        for (to, from) in [(&mut self.transition, transition), (&mut self.noise, noise)] {
+            to.clear();
+            let elements = from
+                .chunks_exact(n)
+                .enumerate()
+                .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, v)| (i, j, *v)));
+            to.extend(elements.filter(|(_, _, v)| *v != 0.0));
+        }
     }
 }
 
-/// A scalar measurement.
-#[derive(Clone, Debug)]
-pub struct Measurement {
-    /// Step that leads to the time of this measurement from that of the last one; `None` at the same time.
-    pub step: Option<usize>,
-    /// Coefficients of the states that it depends on.
-    pub states: Vec<(usize, f64)>,
-    /// Variance of its noise, larger than 0.
-    pub variance: f64,
+/// The filter, on its way through the rows of the columns that it whitens in place.
+#[derive(Debug)]
+pub struct Whitener<'a> {
+    columns: &'a mut Columns,
+    states: usize,
+    row: usize,
+    covariance: Vec<f64>,
+    means: Vec<f64>,
+    log_det: f64,
+    gain: Vec<f64>,
+    scratch: Vec<f64>,
+    next: Vec<f64>,
 }
 
-/// A linear-Gaussian state-space model of a series of scalar measurements.
-#[derive(Clone, Debug)]
-pub struct StateSpace {
-    /// Number of states n.
-    pub states: usize,
-    /// Covariance of the states at the first measurement, n x n, row-major.
-    pub initial: Vec<f64>,
-    /// Steps that the measurements refer to.
-    pub steps: Vec<Step>,
-    /// Measurements in order of time, one for each row of the columns.
-    pub measurements: Vec<Measurement>,
-}
+impl<'a> Whitener<'a> {
+    /// Begins with the covariance of the states at the first measurement, n x n, row-major.
+    pub fn new(states: usize, initial: Vec<f64>, columns: &'a mut Columns) -> Self {
+        let n = states;
+        let means = vec![0.0; n * columns.width()];
+        let (next, scratch, gain) = (means.clone(), vec![0.0; n * n], vec![0.0; n]);
+        Self { columns, states, row: 0, covariance: initial, means, log_det: 0.0, gain, scratch, next }
+    }
 
-impl StateSpace {
-    /// Whitens the columns in place and returns the logarithm of the determinant of the rows' covariance.
+    /// On to the time of the next measurement.
+    pub fn advance(&mut self, step: &Step) {
+        advance_means(&step.transition, self.columns.width(), &self.means, &mut self.next);
+        std::mem::swap(&mut self.means, &mut self.next);
+        advance_covariance(step, self.states, &mut self.covariance, &mut self.scratch);
+    }
+
+    /// The next row: the states that it measures, each with its coefficient, and the variance of its noise, larger than 0.
     ///
     /// # Panics
-    /// Where the columns have another number of rows than the model has measurements.
-    pub fn whiten(&self, columns: &mut Columns) -> f64 {
-        assert_eq!(columns.rows(), self.measurements.len(), "a row for each measurement");
-        let (n, width) = (self.states, columns.width());
-        let mut covariance = self.initial.clone();
-        let (mut means, mut next) = (vec![0.0; n * width], vec![0.0; n * width]);
-        let mut scratch = vec![0.0; n * n];
-        let mut gain = vec![0.0; n];
-        let mut log_det = 0.0;
-        for (row, measurement) in self.measurements.iter().enumerate() {
-            if let Some(step) = measurement.step {
-                let step = &self.steps[step];
-                advance_means(&step.transition, width, &means, &mut next);
-                std::mem::swap(&mut means, &mut next);
-                advance_covariance(step, n, &mut covariance, &mut scratch);
-            }
-            let variance = project(&covariance, measurement, &mut gain);
-            let sd = variance.sqrt();
-            log_det += variance.ln();
-            let values = columns.row_mut(row);
-            for &(state, coefficient) in &measurement.states {
-                let mean = &means[state * width..(state + 1) * width];
-                values.iter_mut().zip(mean).for_each(|(v, m)| *v -= coefficient * m);
-            }
-            for v in values.iter_mut() {
-                *v /= sd;
-            }
-            for (state, g) in gain.iter().enumerate().filter(|(_, g)| **g != 0.0) {
-                let mean = &mut means[state * width..(state + 1) * width];
-                let g = g / sd;
-                mean.iter_mut().zip(values.iter()).for_each(|(m, v)| *m += g * v);
-            }
-            for i in 0..n {
-                let g = gain[i] / variance;
-                if g != 0.0 {
-                    let row = &mut covariance[i * n..(i + 1) * n];
-                    row.iter_mut().zip(&gain).for_each(|(p, other)| *p -= g * other);
-                }
+    /// Where the columns have no more rows.
+    pub fn measure(&mut self, states: &[(usize, f64)], variance: f64) {
+        let (n, width) = (self.states, self.columns.width());
+        let (gain, means) = (&mut self.gain, &mut self.means);
+        let variance = project(&self.covariance, states, variance, gain);
+        let sd = variance.sqrt();
+        self.log_det += variance.ln();
+        let values = self.columns.row_mut(self.row);
+        self.row += 1;
+        for &(state, coefficient) in states {
+            let mean = &means[state * width..(state + 1) * width];
+            values.iter_mut().zip(mean).for_each(|(v, m)| *v -= coefficient * m);
+        }
+        for v in values.iter_mut() {
+            *v /= sd;
+        }
+        for (state, g) in gain.iter().enumerate().filter(|(_, g)| **g != 0.0) {
+            let mean = &mut means[state * width..(state + 1) * width];
+            let g = g / sd;
+            mean.iter_mut().zip(values.iter()).for_each(|(m, v)| *m += g * v);
+        }
+        for (i, row) in self.covariance.chunks_exact_mut(n).enumerate() {
+            let g = gain[i] / variance;
+            if g != 0.0 {
+                row.iter_mut().zip(gain.iter()).for_each(|(p, other)| *p -= g * other);
             }
         }
-        log_det
     }
-}
 
-/// Places and values of a matrix's elements that are not 0.
-fn nonzero(matrix: &[f64], n: usize) -> Vec<(usize, usize, f64)> {
-    let places = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
-    places.zip(matrix).filter(|(_, v)| **v != 0.0).map(|((i, j), v)| (i, j, *v)).collect()
+    /// Logarithm of the determinant of the covariance of the rows that were measured.
+    pub fn log_det(&self) -> f64 {
+        self.log_det
+    }
 }
 
 fn advance_means(transition: &[(usize, usize, f64)], width: usize, means: &[f64], next: &mut [f64]) {
@@ -140,15 +143,15 @@ fn advance_covariance(step: &Step, n: usize, p: &mut [f64], half: &mut [f64]) {
 }
 
 /// Variance of a measurement; `gain` becomes the covariance of the states with it.
-fn project(covariance: &[f64], measurement: &Measurement, gain: &mut [f64]) -> f64 {
+fn project(covariance: &[f64], states: &[(usize, f64)], noise: f64, gain: &mut [f64]) -> f64 {
     let n = gain.len();
     gain.fill(0.0);
-    for &(state, coefficient) in &measurement.states {
+    for &(state, coefficient) in states {
         // The covariance is symmetric: a row is a column.
         let row = &covariance[state * n..(state + 1) * n];
         gain.iter_mut().zip(row).for_each(|(g, c)| *g += coefficient * c);
     }
-    measurement.states.iter().map(|(state, c)| c * gain[*state]).sum::<f64>() + measurement.variance
+    states.iter().map(|(state, c)| c * gain[*state]).sum::<f64>() + noise
 }
 
 #[cfg(test)]
@@ -157,6 +160,20 @@ mod tests {
     use super::*;
     use nalgebra::{Cholesky, DMatrix, DVector};
     use rand::{RngExt, SeedableRng};
+
+    /// A whole model: rows with the step that leads to each, the states that it measures and the variance of its noise.
+    struct StateSpace {
+        states: usize,
+        initial: Vec<f64>,
+        steps: Vec<Step>,
+        measurements: Vec<Measurement>,
+    }
+
+    struct Measurement {
+        step: Option<usize>,
+        states: Vec<(usize, f64)>,
+        variance: f64,
+    }
 
     /// Covariance of all measurements, assembled from the definition.
     fn dense(model: &StateSpace) -> DMatrix<f64> {
@@ -172,7 +189,9 @@ mod tests {
             if let Some(step) = m.step {
                 let full = |elements: &[(usize, usize, f64)]| {
                     let mut out = DMatrix::zeros(n, n);
-                    elements.iter().for_each(|(i, j, v)| out[(*i, *j)] += v);
+                    for (i, j, v) in elements {
+                        out[(*i, *j)] += v;
+                    }
                     out
                 };
                 let f: DMatrix<f64> = full(&model.steps[step].transition);
@@ -209,7 +228,13 @@ mod tests {
             let m = DMatrix::from_row_slice(n, n, &m);
             (&m * m.transpose()).as_slice().to_vec()
         };
-        let steps: Vec<Step> = (0..5).map(|_| Step::of_dense(n, &any(0.8), &squared(any(0.5)))).collect();
+        let steps: Vec<Step> = (0..5)
+            .map(|_| {
+                let mut step = Step::default();
+                step.set_dense(n, &any(0.8), &squared(any(0.5)));
+                step
+            })
+            .collect();
         let initial = squared(any(2.0));
         let measurements = (0..12)
             .map(|row| Measurement {
@@ -222,7 +247,12 @@ mod tests {
         let columns: Vec<Vec<f64>> =
             (0..4).map(|_| (0..12).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
         let mut white = Columns::of(&columns);
-        let log_det = model.whiten(&mut white);
+        let mut filter = Whitener::new(n, model.initial.clone(), &mut white);
+        for m in &model.measurements {
+            m.step.iter().for_each(|step| filter.advance(&model.steps[*step]));
+            filter.measure(&m.states, m.variance);
+        }
+        let log_det = filter.log_det();
         let factor = Cholesky::new(dense(&model)).unwrap().l();
         let expected = 2.0 * factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
         assert!((log_det - expected).abs() < 1e-9, "{log_det} {expected}");

@@ -4,7 +4,7 @@ use super::prediction::{Predictor, joints_only};
 use super::samples::Samples;
 use crate::block::{HyperParameter, Strength};
 use fss_estimation::processes::SingerStep;
-use fss_estimation::{Measurement, StateSpace, Step};
+use fss_estimation::{Columns, Step, Whitener};
 use fss_identify::measured::Run;
 use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
 use fss_plant::{Physics, Plant};
@@ -62,7 +62,7 @@ impl NoiseModel {
         let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
-            hyper_parameters: hyper_parameters(plant),
+            hyper_parameters: hyper_parameters(plant, carriage.inertia_kg_m2[0]),
             mass_kg: carriage.mass_kg,
             moments: times.into_iter().map(moment).collect(),
             rows,
@@ -95,23 +95,28 @@ impl NoiseModel {
         ]
     }
 
-    /// The model at these values of the hyper-parameters.
-    pub(super) fn state_space(&self, hyper: &[f64]) -> StateSpace {
+    /// Whitens columns with the model at these values of the hyper-parameters; the logarithm of the determinant.
+    pub(super) fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
         let h = Hyper::of(hyper);
         let n = self.states();
-        let mut space =
-            StateSpace { states: n, initial: self.initial(&h), steps: Vec::new(), measurements: Vec::new() };
+        let mut filter = Whitener::new(n, self.initial(&h), columns);
+        let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
+        let (mut step, mut states) = (Step::default(), Vec::with_capacity(3));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
             let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
-            let step = block.checked_sub(1);
-            space.steps.extend(step.map(|before| self.step(&h, before)));
+            if let Some(before) = block.checked_sub(1) {
+                self.step(&h, before, &mut dense);
+                step.set_dense(n, &dense.transition, &dense.noise);
+                filter.advance(&step);
+            }
             for (channel, sd) in sds.iter().enumerate() {
-                let mut states = match channel {
-                    0 => vec![(0, 1.0)],
-                    1 => vec![(2, 1.0)],
-                    2 => vec![(4, 1.0)],
-                    _ => vec![(5, 1.0 / moment.2)],
-                };
+                states.clear();
+                states.push(match channel {
+                    0 => (0, 1.0),
+                    1 => (2, 1.0),
+                    2 => (4, 1.0),
+                    _ => (5, 1.0 / moment.2),
+                });
                 match channel {
                     0 | 1 if self.arm.is_some() => states.push((10 + channel, shift_sd)),
                     3 if self.arm.is_some() => states.push((9, -momentum_sd / moment.2)),
@@ -121,11 +126,10 @@ impl NoiseModel {
                     states.push((n - 1, 1.0));
                 }
                 let inflation = [h.noise_position, h.noise_position, h.noise_angle, h.noise_gyro][channel];
-                let step = if channel == 0 { step } else { None };
-                space.measurements.push(Measurement { step, states, variance: (inflation * sd).powi(2) });
+                filter.measure(&states, (inflation * sd).powi(2));
             }
         }
-        space
+        filter.log_det()
     }
 
     fn initial(&self, h: &Hyper) -> Vec<f64> {
@@ -147,14 +151,15 @@ impl NoiseModel {
     }
 
     /// From a block to the next.
-    fn step(&self, h: &Hyper, block: usize) -> Step {
+    fn step(&self, h: &Hyper, block: usize, step: &mut Dense) {
         let (from, to) = (&self.moments[block], &self.moments[block + 1]);
         let n = self.states();
         let dt = to.0 - from.0;
         let mean = |a: f64, b: f64| 0.5 * (a + b);
         let (cx, cy) = (mean(from.1[0], to.1[0]), mean(from.1[1], to.1[1]));
         let (mass, inertia) = (self.mass_kg, mean(from.2, to.2));
-        let mut step = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
+        step.transition.fill(0.0);
+        step.noise.fill(0.0);
         (0..n).for_each(|i| step.transition[i * n + i] = 1.0);
         (step.transition[1], step.transition[2 * n + 3]) = (dt, dt);
         step.transition[4 * n + 5] = dt / inertia;
@@ -188,11 +193,10 @@ impl NoiseModel {
                 (0..6).for_each(|j| step.noise[i * n + j] += variance * onto[i] * onto[j]);
             }
         }
-        self.add_arm(h, block, dt, inertia, &mut step);
+        self.add_arm(h, block, dt, inertia, step);
         if self.gyro_walk > 0.0 {
             step.noise[n * n - 1] += self.gyro_walk * dt;
         }
-        Step::of_dense(n, &step.transition, &step.noise)
     }
 
     /// Errors of the arm's path, of unit variance: of its momentum, which turns the base the other way, and of its place.
@@ -287,8 +291,10 @@ impl Hyper {
 }
 
 /// Priors. A room's stated air is believed within a factor of two or so; without a statement, nothing is known but the order of
-/// magnitude: a ten-thousandth of the vehicle's weight per unit of acceleration. Stated noise is right within 15 %.
-fn hyper_parameters(plant: &Plant) -> Vec<HyperParameter> {
+/// magnitude: a ten-thousandth of the vehicle's weight per unit of acceleration. Servos that give way under thrust turn the base
+/// whatever the air does: with an arm, white torque is as without a statement, over the inertia of the whole. Stated noise is
+/// right within 15 %.
+fn hyper_parameters(plant: &Plant, whole_kg_m2: f64) -> Vec<HyperParameter> {
     let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
     let air = plant.disturbance.as_ref();
     let strength = |name, stated: Option<f64>, natural: f64, log_sd: [f64; 2], of| HyperParameter {
@@ -300,6 +306,8 @@ fn hyper_parameters(plant: &Plant) -> Vec<HyperParameter> {
     };
     let plain = |name, median, log_sd, bounds| HyperParameter { name, median, log_sd, bounds, strength_of: None };
     let (force, torque) = (1e-4 * mass, 5e-4 * inertia);
+    let servos = if plant.link_count() > 0 { 5e-4 * whole_kg_m2 } else { 0.0 };
+    let white_torque = air.map(|a| servos.hypot(0.1 * a.torque_std_n_m));
     vec![
         strength("coloured force (N)", air.map(|a| a.force_std_n), force, [0.8, 3.0], Strength::Force),
         strength("coloured torque (N m)", air.map(|a| a.torque_std_n_m), torque, [0.8, 3.0], Strength::Torque),
@@ -310,7 +318,7 @@ fn hyper_parameters(plant: &Plant) -> Vec<HyperParameter> {
             CORRELATION_S,
         ),
         strength("white force (N s^0.5)", air.map(|a| 0.1 * a.force_std_n), force, [2.5, 3.0], Strength::Force),
-        strength("white torque (N m s^0.5)", air.map(|a| 0.1 * a.torque_std_n_m), torque, [2.5, 3.0], Strength::Torque),
+        strength("white torque (N m s^0.5)", white_torque, torque, [2.5, 3.0], Strength::Torque),
         plain("pose noise over stated, place", 1.0, 0.15, [0.3, 3.0]),
         plain("pose noise over stated, heading", 1.0, 0.15, [0.3, 3.0]),
         plain("gyro noise over stated", 1.0, 0.15, [0.3, 3.0]),

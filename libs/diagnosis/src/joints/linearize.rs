@@ -240,7 +240,7 @@ pub(super) fn slopes(
                         let friction = mechanics.physics(t_s).joints[i].friction;
                         own.motion[3 * i + 1].1 += unit * friction.viscous_n_m_s_rad;
                         let sense = direction(path.joints[i].at(t_s)[1], path.rate_sd(i, t_s));
-                        own.friction_variance = (unit * friction.breakaway_n_m()).powi(2) * (1.0 - sense * sense);
+                        own.unit_friction_variance = unit * unit * (1.0 - sense * sense);
                     }
                 }
                 Kind::Tip(axis) => own.motion = tip_slopes(mechanics, t_s, links, axis),
@@ -296,7 +296,7 @@ fn one_stiction_a_rest(rows: &[Row], slopes: &mut [Slopes], plant: &Plant, path:
         while from < own.len() {
             let to = (from..own.len()).find(|k| share[*k] < 0.5).unwrap_or(own.len());
             let together: f64 = share[from..to].iter().sum::<f64>().max(1.0);
-            own[from..to].iter().for_each(|k| slopes[*k].friction_variance *= together);
+            own[from..to].iter().for_each(|k| slopes[*k].unit_friction_variance *= together);
             from = to.max(from + 1);
         }
     }

@@ -8,7 +8,7 @@
 use super::hyper::Hyper;
 use super::process::{Step3, constant_between, singer};
 use super::rows::{Kind, Row};
-use fss_estimation::{Measurement, StateSpace, Step};
+use fss_estimation::{Columns, Step, Whitener};
 
 /// Standard deviations at the first row, much more than anything: rad, rad/s.
 const START_SD: [f64; 2] = [10.0, 30.0];
@@ -24,8 +24,8 @@ pub(super) struct Slopes {
     pub(super) motion: Vec<(usize, f64)>,
     /// By the torque in the row's joint: N m of the torque scale in units of the row.
     pub(super) torque: f64,
-    /// Variance that dry friction of an unknown direction gives the row.
-    pub(super) friction_variance: f64,
+    /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.
+    pub(super) unit_friction_variance: f64,
     /// And thrust of which it is not known whether it had begun.
     pub(super) timing_variance: f64,
     /// Of an end-effector's row: shares of x, y and angle in it that make its noise independent of the rows before it, and
@@ -77,8 +77,8 @@ impl NoiseModel {
         Places { link, drive, tip, count }
     }
 
-    /// The model with these hyper-parameters, of rows whose end-effector's are mixed ([`Slopes::mix`]).
-    pub(super) fn state_space(&self, rows: &[Row], hyper: &Hyper) -> StateSpace {
+    /// Whitens columns with these hyper-parameters, whose rows of the end-effector are mixed ([`Slopes::mix`]).
+    pub(super) fn whiten(&self, rows: &[Row], (hyper, breakaway_n_m): (&Hyper, &[f64]), columns: &mut Columns) -> f64 {
         let places = self.places();
         let n = places.count;
         let mut initial = vec![0.0; n * n];
@@ -88,19 +88,21 @@ impl NoiseModel {
             initial[(3 * j + 2) * (n + 1)] = self.acceleration_variance(0, j, hyper);
         }
         (3 * self.links..n).for_each(|i| initial[i * (n + 1)] = 1.0);
-        let mut out =
-            StateSpace { states: n, initial, steps: Vec::new(), measurements: Vec::with_capacity(rows.len()) };
+        let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
+        let mut filter = Whitener::new(n, initial, columns);
+        let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
         let (mut last_s, mut moment) = (f64::NAN, 0);
         for (k, row) in rows.iter().enumerate() {
-            let step = (k > 0 && row.t_s > last_s).then(|| {
+            if k > 0 && row.t_s > last_s {
                 moment += 1;
-                out.steps.push(self.step(row.t_s - last_s, moment, hyper, &out.initial, &places));
-                out.steps.len() - 1
-            });
+                self.step(row.t_s - last_s, moment, hyper, &begin, &places, &mut step);
+                filter.advance(&step);
+            }
             last_s = row.t_s;
-            out.measurements.push(self.measurement(row, k, step, hyper, &places));
+            let variance = self.measurement((row, k), (hyper, breakaway_n_m), &places, &mut states);
+            filter.measure(&states, variance);
         }
-        out
+        filter.log_det()
     }
 
     fn acceleration_variance(&self, moment: usize, joint: usize, hyper: &Hyper) -> f64 {
@@ -111,16 +113,16 @@ impl NoiseModel {
         hyper.acceleration[0].powi(2) + (hyper.acceleration[1] * activity).powi(2)
     }
 
-    fn step(&self, dt_s: f64, moment: usize, hyper: &Hyper, initial: &[f64], places: &Places) -> Step {
+    fn step(&self, dt_s: f64, moment: usize, hyper: &Hyper, begin: &[f64], places: &Places, step: &mut Step) {
         let n = places.count;
-        let (mut transition, mut noise) =
-            (Vec::with_capacity(6 * self.links + n), Vec::with_capacity(9 * self.links + n));
+        step.clear();
+        let (transition, noise) = (&mut step.transition, &mut step.noise);
         let paused = self.driven && dt_s > PAUSE * self.interval_s;
         let followed = if self.driven { None } else { Some(singer(dt_s, hyper.acceleration_s)) };
         for j in 0..self.links {
             let variance = self.acceleration_variance(moment, j, hyper);
             if paused {
-                noise.extend((3 * j..3 * j + 3).map(|i| (i, i, initial[i * (n + 1)])));
+                noise.extend((3 * j..3 * j + 3).map(|i| (i, i, begin[i])));
                 continue;
             }
             let (f, q): Step3 = match followed {
@@ -139,12 +141,19 @@ impl NoiseModel {
         let (kept, new) = ((-dt_s / hyper.torque_s).exp(), -(-2.0 * dt_s / hyper.torque_s).exp_m1());
         transition.extend((3 * self.links..n).map(|i| (i, i, kept)));
         noise.extend((3 * self.links..n).map(|i| (i, i, new)));
-        Step { transition, noise }
     }
 
-    fn measurement(&self, row: &Row, k: usize, step: Option<usize>, hyper: &Hyper, places: &Places) -> Measurement {
+    /// The states that a row measures and the variance of its noise.
+    fn measurement(
+        &self,
+        (row, k): (&Row, usize),
+        (hyper, breakaway_n_m): (&Hyper, &[f64]),
+        places: &Places,
+        states: &mut Vec<(usize, f64)>,
+    ) -> f64 {
         let slopes = &self.slopes[k];
-        let mut states = slopes.motion.clone();
+        states.clear();
+        states.extend_from_slice(&slopes.motion);
         let (noise, torque) = (row.noise, slopes.torque);
         let variance = match row.kind {
             Kind::Angle(_) => (noise * hyper.noise[0]).powi(2),
@@ -159,7 +168,7 @@ impl NoiseModel {
                 let least = (torque * LEAST_TORQUE).powi(2);
                 (noise * hyper.noise[2]).powi(2)
                     + self.white(torque, hyper)
-                    + slopes.friction_variance
+                    + slopes.unit_friction_variance * breakaway_n_m[i].powi(2)
                     + slopes.timing_variance
                     + least
             }
@@ -171,7 +180,7 @@ impl NoiseModel {
                 (own * hyper.noise[4]).powi(2)
             }
         };
-        Measurement { step, states, variance: variance.max(f64::MIN_POSITIVE) }
+        variance.max(f64::MIN_POSITIVE)
     }
 
     /// Variance of white torque over the interval of a row.
