@@ -53,8 +53,10 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
     let fitted = runs::read(&args.runs, &plant)?;
     let validation = runs::read(&args.validate, &plant)?;
     let bar = progress();
-    let diagnosis = diagnose(args.engine, &plant, &fitted, &validation, &|what| bar.set_message(what.to_owned()))
-        .into_diagnostic()?;
+    let of_logs = args.runs.iter().any(|run| log::log_of(run).is_some());
+    let diagnosis =
+        diagnose((args.engine, of_logs), &plant, &fitted, &validation, &|what| bar.set_message(what.to_owned()))
+            .into_diagnostic()?;
     bar.finish_and_clear();
     if diagnosis.before.is_empty() && diagnosis.validation_before.is_empty() {
         return Err(nothing_to_simulate(&fitted));

@@ -41,7 +41,8 @@ pub struct BaseBlock {
 }
 
 impl BaseBlock {
-    /// The block of a run; `None` where the base is clamped or its pose was not measured for long enough.
+    /// The block of a run; `None` where the base is clamped or its pose was not measured for long enough, or
+    /// where an arm moved that was not measured.
     ///
     /// # Errors
     /// When the plant's masses or inertias are impossible.
@@ -57,6 +58,10 @@ impl BaseBlock {
         let grid = TimeGrid::over(first, last, cell_s(&samples));
         let pose = PosePath::smoothed(&samples.block_times(), &samples.block_poses(), samples.block_sd(), grid);
         let encoders = EncoderPath::smoothed(run, &plant.sensors, plant.link_count(), grid);
+        // A drive follows its command to hundredths of a radian, which the base notices: such a run tells nothing.
+        if encoders.moves_unseen {
+            return Ok(None);
+        }
         let valves = ValveHistory::new(run.thrust_levels.clone());
         let predictor = Predictor::new(pose, encoders, valves);
         let noise = NoiseModel::new(plant, run, &samples, &predictor)?;

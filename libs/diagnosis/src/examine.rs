@@ -103,7 +103,7 @@ fn without_telemetry(runs: &[Run], commanded: bool) -> Option<String> {
     let which = runs.iter().filter(|run| run.joints.is_none() && run.joint_command.is_some() == commanded);
     let names: Vec<&str> = which.map(|run| run.name.as_str()).collect();
     let how = if commanded {
-        "it is taken to stand where it was told to, and times in which it is told to move are left out"
+        "it is taken to stand where it was told to, and a run in which it is told to move is left out"
     } else {
         "nor a command for it: it is taken to rest at zero"
     };

@@ -104,6 +104,8 @@ pub(crate) struct EncoderPath {
     /// Standard deviations of both, as the smoother gives them.
     pub(crate) angle_sd: Vec<JointVector>,
     pub(crate) rate_sd: Vec<JointVector>,
+    /// Whether a joint was told to move that nobody measured.
+    pub(crate) moves_unseen: bool,
 }
 
 impl EncoderPath {
@@ -111,8 +113,14 @@ impl EncoderPath {
     pub(crate) fn smoothed(run: &Run, sensors: &Sensors, joints: usize, grid: TimeGrid) -> Self {
         let edges = grid.edges_s();
         let zeros = vec![JointVector::zeros(); edges.len()];
-        let mut path =
-            Self { grid, angle: zeros.clone(), rate: zeros.clone(), angle_sd: zeros.clone(), rate_sd: zeros };
+        let mut path = Self {
+            grid,
+            angle: zeros.clone(),
+            rate: zeros.clone(),
+            angle_sd: zeros.clone(),
+            rate_sd: zeros,
+            moves_unseen: false,
+        };
         for joint in 0..joints.min(MAX_LINKS) {
             let told = |t: f64| run.joint_command.as_ref().and_then(|c| command_at(c, joint, t)).unwrap_or([0.0; 2]);
             let lag_s = servo_lag_s(run, joint, &told);
@@ -125,6 +133,11 @@ impl EncoderPath {
                 path.rate[k][joint] = rate + deviation[k].rate;
                 path.angle_sd[k][joint] = deviation[k].angle_variance.sqrt();
                 path.rate_sd[k][joint] = deviation[k].rate_variance.sqrt();
+            }
+            if reports.is_empty() {
+                let told = edges.iter().map(|t| command(*t)[0]);
+                let (lower, upper) = told.fold((f64::MAX, f64::MIN), |(l, u), q| (l.min(q), u.max(q)));
+                path.moves_unseen |= upper - lower > RESTS_RAD;
             }
         }
         path
@@ -175,6 +188,8 @@ fn reports(run: &Run, joint: usize, command: &dyn Fn(f64) -> [f64; 2]) -> Vec<Me
     rows.filter(|m| m.angle.is_some() || m.rate.is_some()).collect()
 }
 
+/// A joint that is told to move less than this rests (rad).
+const RESTS_RAD: f64 = 1e-3;
 /// Longest lag of a servo behind its command (s).
 const LONGEST_LAG_S: f64 = 0.5;
 

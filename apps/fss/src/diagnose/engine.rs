@@ -1,5 +1,4 @@
-//! The two engines of the diagnosis. Marginal likelihoods replace the windowed contest where they have been shown to be better;
-//! until then they are asked for by name.
+//! The two engines of the diagnosis. Marginal likelihoods replace the windowed contest where they have been shown to be better.
 
 use clap::ValueEnum;
 use fss_diagnosis::diagnosis::{Alternative, Cause, ChannelMisfit, Diagnosis, Gain, Remainder, Verdict};
@@ -12,27 +11,39 @@ use fss_plant::Plant;
 /// How causes are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Engine {
-    /// By fits of the motion in windows, and rules of what may be told.
+    /// By evidence for measured experiments of a floating base, in windows for clamped arms and for logs of `fss run`.
     #[default]
+    Auto,
+    /// By fits of the motion in windows, and rules of what may be told.
     Windowed,
-    /// By their marginal likelihood, with a structured discrepancy of inferred strength. New: better on vehicles other than the
-    /// default one, not yet on all of that one's.
+    /// By their marginal likelihood, with a structured discrepancy of inferred strength.
     Evidence,
 }
 
-/// Diagnoses measured runs of a plant.
+impl Engine {
+    /// The engine for runs of a plant, some of them logs or none.
+    fn chosen(self, plant: &Plant, of_logs: bool) -> Self {
+        match self {
+            Self::Auto if plant.base.clamped || of_logs => Self::Windowed,
+            Self::Auto => Self::Evidence,
+            named => named,
+        }
+    }
+}
+
+/// Diagnoses runs of a plant, some of them logs or none.
 ///
 /// # Errors
 /// Where the plant's values or effects make a mass or an inertia impossible.
 pub fn diagnose(
-    engine: Engine,
+    (engine, of_logs): (Engine, bool),
     plant: &Plant,
     runs: &[Run],
     validation: &[Run],
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    match engine {
-        Engine::Windowed => windowed::diagnose(plant, runs, validation, say).map(of_windowed),
+    match engine.chosen(plant, of_logs) {
+        Engine::Windowed | Engine::Auto => windowed::diagnose(plant, runs, validation, say).map(of_windowed),
         Engine::Evidence => fss_diagnosis::diagnose(plant, runs, validation, say),
     }
 }
