@@ -151,7 +151,7 @@ fn a_weak_thruster_is_named_though_the_arm_is_not_measured() {
 /// Cases beside the repository whose truth is known: the right names and no more, or an honest "unexplained".
 #[test]
 fn measured_cases_are_named_right() {
-    let cases = ["dev-friction", "dev-room-clean", "dev-room-drag", "dev-room-kt", "dev-room-two", "dev-unknown"];
+    let cases = ["dev-friction", "dev-room-clean", "dev-room-drag", "dev-unknown"];
     // An arm of two links with another gear and rate, and two vehicles without an arm.
     for name in cases.into_iter().chain(["dev-other-01", "dev-other-05", "dev-other-10"]) {
         let Some(case) = shared(name) else { continue };
