@@ -238,7 +238,7 @@ mod tests {
         let initial = squared(any(2.0));
         let measurements = (0..12)
             .map(|row| Measurement {
-                step: (row > 0 && row % 2 == 0).then_some(row / 2 - 1),
+                step: (row > 0 && row % 2 == 0).then(|| row / 2 - 1),
                 states: vec![(row % n, 1.0), ((row + 1) % n, 0.3 * row as f64)],
                 variance: 0.1 + 0.05 * row as f64,
             })
