@@ -74,14 +74,6 @@ impl Difference {
     }
 }
 
-/// What effects do.
-pub struct Shown {
-    /// RMS of what they do to the sensors, over noise and disturbance.
-    pub dose: f64,
-    /// How far from the middle of the table the base comes along an axis, m.
-    pub farthest_m: f64,
-}
-
 /// What a laboratory shows without the effects that are asked about.
 pub struct Baseline(Vec<Seen>);
 
@@ -114,15 +106,6 @@ impl Twins {
     /// Where the plant is no mechanism.
     pub fn baseline(&self, room: &Plant) -> Result<Baseline> {
         Ok(Baseline(self.play(&quiet(room, false))?))
-    }
-
-    /// What `effects` add to it.
-    ///
-    /// # Errors
-    /// Where the effects make no mechanism.
-    pub fn shown(&self, room: &Plant, baseline: &Baseline, effects: &[Effect]) -> Result<Shown> {
-        let difference = self.difference(&room.with_effects(effects), baseline)?;
-        Ok(Shown { dose: difference.dose_of(&difference.samples()), farthest_m: difference.farthest_m })
     }
 
     /// What `laboratory` shows beyond the baseline.
