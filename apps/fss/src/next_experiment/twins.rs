@@ -9,7 +9,7 @@
 
 use fss_identify::commands::Commands;
 use fss_multibody::{Coordinates, JointVector, Model};
-use fss_plant::{Effect, Instruments, LinkSample, Plant, Simulation};
+use fss_plant::{Instruments, LinkSample, Plant, Simulation};
 use miette::{IntoDiagnostic, Result};
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
