@@ -134,7 +134,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     };
     std::thread::scope(|scope| {
         for _ in 0..available_parallelism().map_or(1, NonZero::get) {
-            scope.spawn(&player);
+            scope.spawn(player);
         }
     });
     bar.finish_and_clear();

@@ -71,7 +71,9 @@ impl<'a> Yardstick<'a> {
         let motion_channels = floor.len();
         floor.extend(plant.links.iter().map(|_| s.torque_n_m));
         floor.extend(plant.links.iter().map(|_| s.current_a));
-        floor.iter_mut().for_each(|std| *std = std.max(1e-9));
+        for std in &mut floor {
+            *std = std.max(1e-9);
+        }
         let mut own = Self { paths, nominal, floor, motion_channels };
         let air = own.air(plant)?;
         own.floor.iter_mut().zip(air).for_each(|(std, air)| *std = std.hypot(air));
@@ -119,7 +121,9 @@ impl<'a> Yardstick<'a> {
         for (path, nominal) in self.paths.iter().zip(&self.nominal) {
             let mut moved = blown(&model, path, &nominal.motion, &mut wind);
             for (channel, std) in moved.iter_mut().zip(of_motion) {
-                channel.iter_mut().for_each(|value| *value /= std);
+                for value in channel {
+                    *value /= std;
+                }
             }
             take_off_initial_states(&nominal.motion, of_motion, &mut moved);
             for (sum, channel) in squares.iter_mut().zip(&moved) {

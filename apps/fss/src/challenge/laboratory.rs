@@ -51,7 +51,7 @@ pub fn draw(seed: u64, plant: &Plant) -> Result<Plant> {
         let sticks = Effect::new("joint_stribeck_friction").into_diagnostic()?.at(joint);
         room.effects.push(sticks.with(&[static_n_m, fades_rad_s]));
     }
-    room.disturbance = room.disturbance.map(|air| of_another_spectrum(air, dice));
+    room.disturbance = room.disturbance.map(|air| of_another_spectrum(&air, dice));
     Ok(room)
 }
 
@@ -86,11 +86,11 @@ fn sensors(room: &mut Plant, dice: &mut ChaCha8Rng) {
 
 /// The same air as the sum of a faster and a slower process. Its variance and its spectral density at rest, which is
 /// variance times mean correlation time, stay what they are.
-fn of_another_spectrum(air: Disturbance, dice: &mut ChaCha8Rng) -> Disturbance {
+fn of_another_spectrum(air: &Disturbance, dice: &mut ChaCha8Rng) -> Disturbance {
     let (share, faster) = (dice.random_range(0.2..0.7), dice.random_range(0.1..0.8));
     let slower = (1.0 - share * faster) / (1.0 - share);
     let second = SecondProcess { variance_share: share, correlation_s: faster * air.correlation_s };
-    Disturbance { correlation_s: slower * air.correlation_s, second: Some(second), ..air }
+    Disturbance { correlation_s: slower * air.correlation_s, second: Some(second), ..air.clone() }
 }
 
 #[cfg(test)]
