@@ -122,6 +122,7 @@ fn many(args: &ChallengeArgs, seeds: Range<u64>) -> Result<()> {
     }
     bar.enable_steady_tick(Duration::from_secs(1));
     let game = game(args)?;
+    play::sweep();
     let (next, played, failures) = (Mutex::new(left.into_iter()), Mutex::new(resumed), Mutex::new(Vec::new()));
     let player = || {
         while let Some(seed) = { locked(&next).next() } {

@@ -4,14 +4,12 @@
 //! answers in JSON. So no secret can leak to it.
 
 use super::record::Record;
+use crate::diagnose::read::{Cause, ONSET, read};
 use crate::files::this_program;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// Name of the parameter that says when an effect begins, s.
-const ONSET: &str = "onset_s";
 
 /// A cause that the diagnosis asserts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -54,70 +52,51 @@ pub struct Answer {
     pub ratio_after: Option<f64>,
 }
 
-/// `fss-diagnosis/1`, as far as a game reads it.
+/// What `fss-diagnosis/1` marks as equivalent: alternatives that the data cannot tell from their cause.
 #[derive(Deserialize)]
-struct DiagnosisFile {
-    verdict: String,
-    causes: Vec<CauseFile>,
+struct Marks {
+    causes: Vec<MarkedCause>,
+}
+
+#[derive(Deserialize)]
+struct MarkedCause {
     #[serde(default)]
-    gain: GainFile,
-}
-
-#[derive(Default, Deserialize)]
-struct GainFile {
-    ratio_before: Option<f64>,
-    ratio_after: Option<f64>,
+    alternatives: Vec<Mark>,
 }
 
 #[derive(Deserialize)]
-struct CauseFile {
-    effect: String,
-    index: Option<usize>,
-    channel: Option<String>,
-    probability: f64,
+struct Mark {
     #[serde(default)]
     equivalent: bool,
-    #[serde(default)]
-    parameters: BTreeMap<String, ParameterFile>,
-    #[serde(default)]
-    alternatives: Vec<Self>,
 }
 
-#[derive(Deserialize)]
-struct ParameterFile {
-    value: f64,
-    std: Option<f64>,
+fn record(cause: &Cause) -> Record {
+    let values = cause.parameters.iter().filter(|(name, _)| *name != ONSET);
+    Record {
+        effect: cause.effect.clone(),
+        index: cause.index,
+        channel: cause.channel.clone(),
+        onset_s: cause.parameters.get(ONSET).map(|onset| onset.value),
+        parameters: values.map(|(name, p)| (name.clone(), p.value)).collect(),
+    }
 }
 
-impl CauseFile {
-    fn record(&self) -> Record {
-        let values = self.parameters.iter().filter(|(name, _)| *name != ONSET);
-        Record {
-            effect: self.effect.clone(),
-            index: self.index,
-            channel: self.channel.clone(),
-            onset_s: self.parameters.get(ONSET).map(|onset| onset.value),
-            parameters: values.map(|(name, p)| (name.clone(), p.value)).collect(),
-        }
-    }
+fn deviations(cause: &Cause) -> BTreeMap<String, f64> {
+    cause.parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect()
+}
 
-    fn std(&self) -> BTreeMap<String, f64> {
-        self.parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect()
-    }
-
-    fn said(&self) -> Said {
-        let alternative = |other: &Self| Alternative {
-            record: other.record(),
-            std: other.std(),
-            probability: other.probability,
-            is_equivalent: other.equivalent,
-        };
-        Said {
-            record: self.record(),
-            std: self.std(),
-            probability: self.probability,
-            alternatives: self.alternatives.iter().map(alternative).collect(),
-        }
+fn said(cause: &Cause, marked: &MarkedCause) -> Said {
+    let alternative = |(other, mark): (&Cause, &Mark)| Alternative {
+        record: record(other),
+        std: deviations(other),
+        probability: other.probability,
+        is_equivalent: mark.equivalent,
+    };
+    Said {
+        record: record(cause),
+        std: deviations(cause),
+        probability: cause.probability,
+        alternatives: cause.alternatives.iter().zip(&marked.alternatives).map(alternative).collect(),
     }
 }
 
@@ -140,19 +119,19 @@ pub fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usi
     if !done.status.success() {
         return Err(miette!("the diagnosis failed: {}", String::from_utf8_lossy(&done.stderr).trim()));
     }
-    let text =
-        std::fs::read_to_string(&json).into_diagnostic().wrap_err_with(|| format!("cannot read {}", json.display()))?;
-    read(&text).wrap_err_with(|| format!("cannot understand {}", json.display()))
+    written(&json)
 }
 
 /// Reads what the diagnosis wrote.
-fn read(text: &str) -> Result<Answer> {
-    let file: DiagnosisFile = serde_json::from_str(text).into_diagnostic()?;
+fn written(path: &Path) -> Result<Answer> {
+    let diagnosis = read(path)?;
+    let text = std::fs::read_to_string(path).into_diagnostic()?;
+    let marks: Marks = serde_json::from_str(&text).into_diagnostic()?;
     Ok(Answer {
-        causes: file.causes.iter().map(CauseFile::said).collect(),
-        verdict: file.verdict,
-        ratio_before: file.gain.ratio_before,
-        ratio_after: file.gain.ratio_after,
+        causes: diagnosis.causes.iter().zip(&marks.causes).map(|(cause, marked)| said(cause, marked)).collect(),
+        verdict: diagnosis.verdict,
+        ratio_before: diagnosis.gain.ratio_before,
+        ratio_after: diagnosis.gain.ratio_after,
     })
 }
 
@@ -168,7 +147,10 @@ mod tests {
                 "parameters": { "delay_s": { "value": 0.03, "std": 0.001 }, "onset_s": { "value": 4 } },
                 "alternatives": [ { "effect": "clock_offset", "channel": "mocap", "probability": 0.4, "equivalent": true },
                                   { "effect": "thruster_delay", "index": 2, "probability": 0.001 } ] } ] }"#;
-        let answer = read(text).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("diagnosis.json");
+        std::fs::write(&path, text).unwrap();
+        let answer = written(&path).unwrap();
         let said = &answer.causes[0];
         assert_eq!((said.record.onset_s, said.std["delay_s"]), (Some(4.0), 0.001));
         assert!(said.alternatives[0].is_equivalent && !said.alternatives[1].is_equivalent);

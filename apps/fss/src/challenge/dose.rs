@@ -121,7 +121,7 @@ impl<'a> Yardstick<'a> {
         for (path, nominal) in self.paths.iter().zip(&self.nominal) {
             let mut moved = blown(&model, path, &nominal.motion, &mut wind);
             for (channel, std) in moved.iter_mut().zip(of_motion) {
-                for value in channel.iter_mut() {
+                for value in channel {
                     *value /= std;
                 }
             }

@@ -29,7 +29,8 @@ pub struct Gate {
     /// The 90 % interval of a share (Wilson).
     pub interval: Option<(f64, f64)>,
     /// Least and largest value that pass.
-    pub gate: (f64, f64),
+    #[serde(rename = "gate")]
+    pub passes: (f64, f64),
     /// `PASS`, `short`, or `too few` cases.
     pub mark: &'static str,
     #[serde(skip)]
@@ -54,8 +55,8 @@ impl Gate {
             }
             _ => "too few",
         };
-        let gate = gate.into_inner();
-        Self { name, value, cases, cases_needed, interval: None, gate, mark, is_share: false }
+        let passes = gate.into_inner();
+        Self { name, value, cases, cases_needed, interval: None, passes, mark, is_share: false }
     }
 
     /// The share of cases that are true.
@@ -87,7 +88,7 @@ impl Gate {
 
     /// The gate in words.
     fn asked(&self) -> String {
-        let (least, most) = self.gate;
+        let (least, most) = self.passes;
         match (least > 0.0, self.is_share && most >= 1.0) {
             (true, true) => format!(">= {}", self.number(least)),
             (true, false) => format!("{:.0} to {:.0} %", least * 100.0, most * 100.0),

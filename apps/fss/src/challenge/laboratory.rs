@@ -51,7 +51,7 @@ pub fn draw(seed: u64, plant: &Plant) -> Result<Plant> {
         let sticks = Effect::new("joint_stribeck_friction").into_diagnostic()?.at(joint);
         room.effects.push(sticks.with(&[static_n_m, fades_rad_s]));
     }
-    room.disturbance = room.disturbance.as_ref().map(|air| of_another_spectrum(air, dice));
+    room.disturbance = room.disturbance.map(|air| of_another_spectrum(&air, dice));
     Ok(room)
 }
 

@@ -151,12 +151,29 @@ fn make(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))
 }
 
+/// What the folders of games begin with; the number of the process that plays follows.
+const SCRATCH: &str = "fss-challenge-";
+
+/// Removes the folders of games whose process was killed.
+pub fn sweep() {
+    let Ok(entries) = std::fs::read_dir(std::env::temp_dir()) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let process = name.to_str().and_then(|name| name.strip_prefix(SCRATCH)).and_then(|rest| rest.split('-').next());
+        let Some(process) = process.and_then(|number| number.parse::<u32>().ok()) else { continue };
+        if !Path::new("/proc").join(process.to_string()).exists() {
+            // Another user's folder stays.
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
 /// A folder that is gone when it is no longer needed.
 struct Scratch(PathBuf);
 
 impl Scratch {
     fn new(name: &str) -> Result<Self> {
-        let path = std::env::temp_dir().join(format!("fss-challenge-{}-{name}", std::process::id()));
+        let path = std::env::temp_dir().join(format!("{SCRATCH}{}-{name}", std::process::id()));
         make(&path)?;
         Ok(Self(path))
     }

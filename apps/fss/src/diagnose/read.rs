@@ -9,11 +9,26 @@ use std::path::Path;
 /// A diagnosis, as far as others go on from it.
 #[derive(Deserialize)]
 pub struct Diagnosis {
+    /// `consistent`, `explained`, `partly_explained` or `unexplained`.
+    #[serde(default)]
+    pub verdict: String,
     /// What is asserted, strongest first.
     pub causes: Vec<Cause>,
     /// What came nearest, where nothing is asserted.
     #[serde(default)]
     pub suspects: Vec<Cause>,
+    /// What the extended model gains.
+    #[serde(default)]
+    pub gain: Gain,
+}
+
+/// RMS over the noise floor on the validation runs.
+#[derive(Default, Deserialize)]
+pub struct Gain {
+    /// With the plant file.
+    pub ratio_before: Option<f64>,
+    /// With the extended model.
+    pub ratio_after: Option<f64>,
 }
 
 /// Name of the parameter that says when an effect begins, s.
@@ -38,11 +53,13 @@ pub struct Cause {
     pub alternatives: Vec<Self>,
 }
 
-/// A value.
+/// A value and its standard deviation.
 #[derive(Deserialize)]
 pub struct Parameter {
     /// The value.
     pub value: f64,
+    /// Its standard deviation, where it was fitted.
+    pub std: Option<f64>,
 }
 
 /// Reads a file.
