@@ -103,7 +103,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     if let Some(variation) = start.last_mut() {
         *variation = VARIATIONS[0];
     }
-    let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0, |_| true);
+    let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0, |_, _| true);
     let mut hyper = null_hyper.clone();
     let mut model: Vec<Present> = Vec::new();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
@@ -147,7 +147,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         say(&format!("linearizing about {}", search.names(&model)));
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         linearized = problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
-        hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_| true);
+        hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
         if !same {
             search.note_identical(&linearized, &hyper, &model)?;
         }
@@ -295,7 +295,7 @@ impl<'a> Search<'a> {
         classes: &[usize],
         start: &[f64],
         width: f64,
-        families: impl Fn(usize) -> bool,
+        which: impl Fn(usize, &HyperParameter) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
         let bounded = |logs: &[f64]| -> Vec<f64> {
@@ -315,7 +315,7 @@ impl<'a> Search<'a> {
         // A process that is far too weak to be seen has no slope: each strength is tried far from where it starts, too.
         let mut found = value(&logs);
         for (i, h) in self.problem.hyper.iter().enumerate() {
-            if h.strength_of.is_none() || !families(self.problem.family_of[i]) {
+            if h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
                 continue;
             }
             for by in FAR {
@@ -328,7 +328,7 @@ impl<'a> Search<'a> {
             }
         }
         let step =
-            |(h, family): (&HyperParameter, &usize)| if families(*family) { width * h.log_sd.min(1.5) } else { 0.0 };
+            |(h, family): (&HyperParameter, &usize)| if which(*family, h) { width * h.log_sd.min(1.5) } else { 0.0 };
         let mut steps: Vec<f64> = self.problem.hyper.iter().zip(&self.problem.family_of).map(step).collect();
         // How much causes vary from run to run is judged with all of them, on the grid.
         if let Some(variation) = steps.last_mut() {
@@ -414,7 +414,9 @@ impl<'a> Search<'a> {
             let news = set.causes.iter().filter(|c| model.iter().all(|p| p.candidate != **c));
             let families: BTreeSet<usize> = news.flat_map(|c| self.problem.families(linearized, *c)).collect();
             let hyper =
-                self.optimized(linearized, &set.causes, &set.classes, &start, 0.5, |family| families.contains(&family));
+                self.optimized(linearized, &set.causes, &set.classes, &start, 0.5, |family, h| {
+                    h.strength_of.is_some() && families.contains(&family)
+                });
             points.extend(self.point(linearized, &hyper, &self.parameters, &GramCache::default()));
         }
         !promising.is_empty()

@@ -6,6 +6,7 @@
 //! `L^-1 y` with `L L'` the covariance of all rows (Kailath, Sayed and Hassibi, *Linear Estimation*, 2000, chapter 9).
 
 use crate::Columns;
+use multiversion::multiversion;
 
 /// A step from one time of measurement to the next; matrices by their elements that are not 0: row, column, value.
 #[derive(Clone, Debug, Default)]
@@ -71,31 +72,11 @@ impl<'a> Whitener<'a> {
     /// # Panics
     /// Where the columns have no more rows.
     pub fn measure(&mut self, states: &[(usize, f64)], variance: f64) {
-        let (n, width) = (self.states, self.columns.width());
-        let (gain, means) = (&mut self.gain, &mut self.means);
-        let variance = project(&self.covariance, states, variance, gain);
-        let sd = variance.sqrt();
+        let variance = project(&self.covariance, states, variance, &mut self.gain);
         self.log_det += variance.ln();
         let values = self.columns.row_mut(self.row);
         self.row += 1;
-        for &(state, coefficient) in states {
-            let mean = &means[state * width..(state + 1) * width];
-            values.iter_mut().zip(mean).for_each(|(v, m)| *v -= coefficient * m);
-        }
-        for v in values.iter_mut() {
-            *v /= sd;
-        }
-        for (state, g) in gain.iter().enumerate().filter(|(_, g)| **g != 0.0) {
-            let mean = &mut means[state * width..(state + 1) * width];
-            let g = g / sd;
-            mean.iter_mut().zip(values.iter()).for_each(|(m, v)| *m += g * v);
-        }
-        for (i, row) in self.covariance.chunks_exact_mut(n).enumerate() {
-            let g = gain[i] / variance;
-            if g != 0.0 {
-                row.iter_mut().zip(gain.iter()).for_each(|(p, other)| *p -= g * other);
-            }
-        }
+        update((values, &mut self.means), &mut self.covariance, (states, &self.gain, variance));
     }
 
     /// Logarithm of the determinant of the covariance of the rows that were measured.
@@ -104,6 +85,35 @@ impl<'a> Whitener<'a> {
     }
 }
 
+/// An innovation over its standard deviation, and what it says of the states.
+#[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
+fn update(
+    (values, means): (&mut [f64], &mut [f64]),
+    covariance: &mut [f64],
+    (states, gain, variance): (&[(usize, f64)], &[f64], f64),
+) {
+    let (n, width, sd) = (gain.len(), values.len(), variance.sqrt());
+    for &(state, coefficient) in states {
+        let mean = &means[state * width..(state + 1) * width];
+        values.iter_mut().zip(mean).for_each(|(v, m)| *v -= coefficient * m);
+    }
+    for v in values.iter_mut() {
+        *v /= sd;
+    }
+    for (state, g) in gain.iter().enumerate().filter(|(_, g)| **g != 0.0) {
+        let mean = &mut means[state * width..(state + 1) * width];
+        let g = g / sd;
+        mean.iter_mut().zip(values.iter()).for_each(|(m, v)| *m += g * v);
+    }
+    for (i, row) in covariance.chunks_exact_mut(n).enumerate() {
+        let g = gain[i] / variance;
+        if g != 0.0 {
+            row.iter_mut().zip(gain.iter()).for_each(|(p, other)| *p -= g * other);
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
 fn advance_means(transition: &[(usize, usize, f64)], width: usize, means: &[f64], next: &mut [f64]) {
     next.fill(0.0);
     for &(i, j, f) in transition {
@@ -113,6 +123,7 @@ fn advance_means(transition: &[(usize, usize, f64)], width: usize, means: &[f64]
 }
 
 /// `P <- F P F' + Q`, kept symmetric.
+#[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
 fn advance_covariance(step: &Step, n: usize, p: &mut [f64], half: &mut [f64]) {
     half.fill(0.0);
     for &(i, j, f) in &step.transition {
