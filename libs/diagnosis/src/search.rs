@@ -413,10 +413,9 @@ impl<'a> Search<'a> {
             let start = points[self.judge(points, &set.causes, &set.classes).1].hyper.clone();
             let news = set.causes.iter().filter(|c| model.iter().all(|p| p.candidate != **c));
             let families: BTreeSet<usize> = news.flat_map(|c| self.problem.families(linearized, *c)).collect();
-            let hyper =
-                self.optimized(linearized, &set.causes, &set.classes, &start, 0.5, |family, h| {
-                    h.strength_of.is_some() && families.contains(&family)
-                });
+            let hyper = self.optimized(linearized, &set.causes, &set.classes, &start, 0.5, |family, h| {
+                h.strength_of.is_some() && families.contains(&family)
+            });
             points.extend(self.point(linearized, &hyper, &self.parameters, &GramCache::default()));
         }
         !promising.is_empty()
