@@ -7,6 +7,7 @@
 //! - [`joints`]: the joints and the end-effector as a block.
 //! - `examine`, `startup_transient`: what of the records is no measurement.
 //! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
+//! - `gram`: products of the whitened columns.
 //! - `search`: marginal likelihoods of sets of causes.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
 //! - [`diagnosis`]: the answer.
@@ -18,6 +19,7 @@ mod candidates;
 mod conclude;
 pub mod diagnosis;
 mod examine;
+mod gram;
 pub mod joints;
 mod misfit;
 mod path;

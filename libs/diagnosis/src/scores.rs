@@ -1,6 +1,7 @@
 //! Predictive scores of the causes: of validation runs, and of each fitted run from the others. They judge, and choose nothing.
 
-use crate::problem::{GramCache, Linearized, Problem, Slope};
+use crate::gram::GramCache;
+use crate::problem::{Linearized, Problem, Slope};
 use crate::search::Searched;
 use fss_estimation::evidence::{Gram, SpikePosterior};
 use fss_multibody::ModelError;

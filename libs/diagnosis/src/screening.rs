@@ -1,6 +1,7 @@
 //! A first look at all candidates, one at a time beside the present model: which are worth searching with.
 
-use crate::problem::{Linearized, Prepared, Problem};
+use crate::gram::Prepared;
+use crate::problem::{Linearized, Problem};
 use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
