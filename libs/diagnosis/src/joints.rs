@@ -23,6 +23,7 @@ mod mechanics;
 mod noise;
 mod path;
 mod process;
+mod response;
 mod rows;
 mod smoother;
 mod track;
@@ -31,7 +32,7 @@ use crate::block::{Block, HyperParameter};
 use fss_estimation::Columns;
 use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant};
+use fss_plant::{Effect, JointPhysics, Plant, Servo};
 use hyper::{Hyper, hyper_parameters};
 use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust};
@@ -64,6 +65,9 @@ pub struct JointBlock {
     hyper: Vec<HyperParameter>,
     /// Breakaway torque of each joint, N m, with the effects about which everything is linearized; `None` until they are known.
     breakaway: Mutex<Option<Vec<f64>>>,
+    /// Gains of the servos with which the reference was computed, and what other gains change.
+    servos: Vec<Servo>,
+    by_gain: Vec<GainSlope>,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
     channels: Vec<String>,
@@ -71,11 +75,17 @@ pub struct JointBlock {
     noise_of_row: Vec<f64>,
 }
 
+/// What the rows change by with the logarithm of a gain of a joint's servo.
+struct GainSlope {
+    gain: usize,
+    joint: usize,
+    of_row: Vec<f64>,
+}
+
 /// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
 /// something that depends on more than the encoders.
 pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
-    let links = plant.link_count();
-    let path = MeasuredPath::new(run, links, &plant.sensors)?;
+    let path = MeasuredPath::new(plant, run)?;
     let mut rows = rows::rows(plant, run, &path);
     let tells = |row: &Row| !matches!(row.kind, Kind::Angle(_) | Kind::Rate(_));
     if rows::moments(&rows).len() < FEWEST_MOMENTS || !rows.iter().any(tells) {
@@ -99,10 +109,12 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
         return None;
     }
     let model = noise_model(plant, run, &path, &rows, slopes);
-    let beside = beside_reference(&path, &rows, &model);
+    let beside = read_motion(&rows, &model, |joint, stamp_s| path.deviation(joint, stamp_s));
     let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
-    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), rows, model, shift);
+    let servos = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
+    let gains = (servos, gain_slopes(&path, &rows, &model));
+    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), rows, (model, gains), shift);
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
@@ -173,23 +185,20 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
     ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
 }
 
-/// What the rows read of the path beside the reference.
-fn beside_reference(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<f64> {
-    // Rows are means over their samples: so is what the path is beside the reference.
+/// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
+fn read_motion(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
+    // Rows are means over their samples: so is the motion.
     let mean = |row: &Row, joint: usize| -> [f64; 3] {
         let count = row.stamps_s.len().max(1) as f64;
-        let all = row.stamps_s.iter().map(|stamp_s| path.deviation(joint, *stamp_s));
+        let all = row.stamps_s.iter().map(|stamp_s| motion(joint, *stamp_s));
         all.fold([0.0; 3], |sum, d| std::array::from_fn(|i| sum[i] + d[i] / count))
     };
-    let deviation = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| mean(row, j)).collect() };
-    let mut out: Vec<f64> = rows
-        .iter()
-        .zip(&model.slopes)
-        .map(|(row, slopes)| {
-            let deviation = deviation(row);
-            slopes.motion.iter().map(|(state, c)| c * deviation[*state]).sum()
-        })
-        .collect();
+    let states = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| mean(row, j)).collect() };
+    let read = |(row, slopes): (&Row, &noise::Slopes)| {
+        let states = states(row);
+        slopes.motion.iter().map(|(state, c)| c * states[*state]).sum()
+    };
+    let mut out: Vec<f64> = rows.iter().zip(&model.slopes).map(read).collect();
     // The end-effector's rows are mixed in the slopes: back to plain ones.
     for k in 0..rows.len() {
         if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &model.slopes[k].mix) {
@@ -199,12 +208,23 @@ fn beside_reference(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Ve
     out
 }
 
+/// What the rows change by with the logarithm of each gain of each joint's servo.
+fn gain_slopes(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
+    let of = |gain: usize, joint: usize| {
+        let motion = |j: usize, stamp_s: f64| {
+            if j == joint { path.by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
+        };
+        GainSlope { gain, joint, of_row: read_motion(rows, model, motion) }
+    };
+    (0..path.by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
+}
+
 impl JointBlock {
     fn assembled(
         run: &Run,
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         rows: Vec<Row>,
-        model: NoiseModel,
+        (model, (servos, by_gain)): (NoiseModel, (Vec<Servo>, Vec<GainSlope>)),
         shift: Vec<f64>,
     ) -> Self {
         let mut channels: Vec<String> = Vec::new();
@@ -233,6 +253,8 @@ impl JointBlock {
             shift,
             hyper,
             breakaway: Mutex::new(None),
+            servos,
+            by_gain,
             measured,
             channel_of_row,
             channels,
@@ -277,6 +299,13 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
+        for slope in &self.by_gain {
+            let gain = |servo: &Servo| response::GAINS[slope.gain](&mut servo.clone()).max(f64::MIN_POSITIVE);
+            let tuned = (gain(plant.servo(slope.joint)) / gain(&self.servos[slope.joint])).ln();
+            if tuned != 0.0 {
+                out.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += tuned * s);
+            }
+        }
         Ok(out)
     }
 

@@ -319,6 +319,11 @@ impl Simulation {
         self.encoder(joint).0
     }
 
+    /// The rate that a joint's encoder reads, without noise (rad/s).
+    pub fn encoder_rate_rad_s(&self, joint: usize) -> f64 {
+        self.encoder(joint).1
+    }
+
     /// Encoder angle (rad) and rate (rad/s) without noise.
     fn encoder(&self, joint: usize) -> (f64, f64) {
         let dynamics = self.dynamics();

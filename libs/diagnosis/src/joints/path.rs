@@ -1,9 +1,10 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
+use super::response::{self, Nodes};
 use super::smoother::{Reading, smooth};
 use super::track::{Track, quintic};
 use fss_identify::measured::{Joints, Many, Run};
-use fss_plant::Sensors;
+use fss_plant::{Plant, Sensors};
 use std::f64::consts::{PI, TAU};
 
 /// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.
@@ -23,8 +24,11 @@ pub(super) struct MeasuredPath {
     pub(super) joints: Vec<Track>,
     /// Standard deviation of each smoothed encoder rate at the nodes, rad/s.
     rate_sd: Vec<Vec<f64>>,
-    /// What each joint's encoder was to show, its mean lag behind the command taken off; `None` without commands.
+    /// What each joint's encoder was to show: what the plant's servos make of the datagrams that they got, or the command, its
+    /// mean lag taken off; `None` without commands.
     pub(super) reference: Option<Vec<Track>>,
+    /// How each joint's reference depends on the logarithm of each of its servo's gains; empty without datagrams.
+    pub(super) by_gain: Vec<Vec<Track>>,
     /// Motion capture of the base: x m, y m, theta rad; `None` where nothing was measured.
     pub(super) base: Option<[Track; 3]>,
     start_s: f64,
@@ -32,8 +36,9 @@ pub(super) struct MeasuredPath {
 }
 
 impl MeasuredPath {
-    /// The path of `links` joints; `None` where not every joint has an angle or a rate.
-    pub(super) fn new(run: &Run, links: usize, sensors: &Sensors) -> Option<Self> {
+    /// The path of a plant's joints; `None` where not every joint has an angle or a rate.
+    pub(super) fn new(plant: &Plant, run: &Run) -> Option<Self> {
+        let (links, sensors) = (plant.link_count(), &plant.sensors);
         let joints = run.joints.as_ref()?;
         let (start_s, end_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
         if links == 0 || end_s.partial_cmp(&start_s) != Some(std::cmp::Ordering::Greater) {
@@ -46,12 +51,19 @@ impl MeasuredPath {
         if readings.iter().any(Vec::is_empty) {
             return None;
         }
-        let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
-        let reference: Option<Vec<Track>> = command.map(|command| {
-            let follow = |i: usize| followed(command, i, &readings[i], &grid_s);
-            (0..links).map(|i| Track::new(start_s, NODE_S, follow(i))).collect()
-        });
-        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
+        let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
+        let tracks = |all: Vec<Nodes>| all.into_iter().map(track).collect::<Vec<_>>();
+        let datagrams = run.commands.as_ref().filter(|c| c.joints.len() == links);
+        let response = datagrams.and_then(|commands| response::response(plant, commands, &grid_s).ok());
+        let (reference, by_gain) = match response {
+            Some(response) => (Some(tracks(response.nominal)), response.by_gain.into_iter().map(tracks).collect()),
+            None => {
+                let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
+                let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
+                (command.map(|command| tracks(follow(command))), Vec::new())
+            }
+        };
+        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, by_gain, base: None, start_s, nodes };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
         }

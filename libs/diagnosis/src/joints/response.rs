@@ -1,0 +1,73 @@
+//! What servos make of the datagrams that command them, and how that depends on their gains.
+//!
+//! Between two datagrams a servo settles within some hundredths of a second. Telemetry shows the torque of one instant of that,
+//! so that the motion is taken from a simulation of the servo, and its gains are values of the plant that are known only so well.
+
+use fss_identify::commands::Commands;
+use fss_multibody::ModelError;
+use fss_plant::{Plant, Servo};
+
+/// Angle, rate and acceleration at each node of a path.
+pub(super) type Nodes = Vec<[f64; 3]>;
+
+/// The gains that are not known exactly: of the position loop, of the velocity loop, of its integral.
+pub(super) const GAINS: [fn(&mut Servo) -> &mut f64; 3] =
+    [|s| &mut s.position_gain_1_s, |s| &mut s.velocity_gain_n_m_s_rad, |s| &mut s.velocity_integral_n_m_rad];
+/// Step of the logarithm of a gain in differences.
+const STEP: f64 = 0.1;
+
+/// The joints' motion in answer to datagrams.
+pub(super) struct Response {
+    /// Each joint with the plant's gains.
+    pub(super) nominal: Vec<Nodes>,
+    /// For each of [`GAINS`], how each joint's motion depends on its logarithm. A joint is taken to depend on its own gains.
+    pub(super) by_gain: Vec<Vec<Nodes>>,
+}
+
+/// The answer of a plant's servos at the times `grid_s`, s.
+///
+/// # Errors
+/// When the plant's masses are impossible.
+pub(super) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
+    let nominal = played(plant, commands, grid_s)?;
+    let by_gain = GAINS.iter().map(|gain| {
+        let mut tuned = plant.clone();
+        for joint in 0..plant.link_count() {
+            let mut servo = plant.servo(joint).clone();
+            *gain(&mut servo) *= STEP.exp();
+            tuned.links[joint].servo = Some(servo);
+        }
+        let tuned = played(&tuned, commands, grid_s)?;
+        let slope = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| (b[i] - a[i]) / STEP);
+        Ok(nominal.iter().zip(&tuned).map(|(a, b)| a.iter().zip(b).map(slope).collect()).collect())
+    });
+    let by_gain = by_gain.collect::<Result<_, ModelError>>()?;
+    Ok(Response { nominal, by_gain })
+}
+
+fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
+    let still = Plant { disturbance: None, ..plant.clone() };
+    let mut times = Vec::new();
+    let mut states = vec![Vec::new(); plant.link_count()];
+    commands.play(&still, 0, 1, |simulation| {
+        times.push(simulation.t_s());
+        for (i, states) in states.iter_mut().enumerate() {
+            states.push([simulation.encoder_rad(i), simulation.encoder_rate_rad_s(i)]);
+        }
+    })?;
+    Ok(states.iter().map(|states| grid_s.iter().map(|t| node(&times, states, *t)).collect()).collect())
+}
+
+/// Angle, rate and acceleration at `t_s`, of a motion with constant acceleration between its samples.
+fn node(t_s: &[f64], states: &[[f64; 2]], at_s: f64) -> [f64; 3] {
+    let after = t_s.partition_point(|t| *t <= at_s);
+    if after == 0 || after == t_s.len() {
+        let end = if after == 0 { 0 } else { after - 1 };
+        let [q, qd] = states.get(end).copied().unwrap_or_default();
+        return [q + qd * (at_s - t_s.get(end).copied().unwrap_or(at_s)), qd, 0.0];
+    }
+    let (a, b) = (states[after - 1], states[after]);
+    let (step_s, past_s) = (t_s[after] - t_s[after - 1], at_s - t_s[after - 1]);
+    let acceleration = (b[1] - a[1]) / step_s;
+    [a[0] + past_s * (b[0] - a[0]) / step_s, a[1] + past_s * acceleration, acceleration]
+}
