@@ -43,7 +43,7 @@ const STANDS_STILL: f64 = 0.5;
 /// So often at the most a set is linearized about its values without another set being better.
 const AGAIN: usize = 3;
 /// Standard deviation of a discrete cause's coordinate about 1.
-const DISCRETE_SD: f64 = 0.01;
+pub(crate) const DISCRETE_SD: f64 = 0.01;
 
 /// Hyper-parameters and everything that follows from the data at them.
 pub(crate) struct HyperPoint {
@@ -649,7 +649,7 @@ fn sort(sets: &mut [Found]) {
     sets.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior).then_with(|| a.causes.cmp(&b.causes)));
 }
 
-fn log_sum(values: &[f64]) -> f64 {
+pub(crate) fn log_sum(values: &[f64]) -> f64 {
     let top = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY { top } else { top + values.iter().map(|v| (v - top).exp()).sum::<f64>().ln() }
 }
