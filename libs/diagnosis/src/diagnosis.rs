@@ -69,9 +69,9 @@ pub struct MissingPulse {
     pub run: String,
     /// The thruster that was commanded, from 1.
     pub thruster: usize,
-    /// Stamps of the commands that begin and end the pulse, s; the end of the run where none ends it.
+    /// Stamp of the command that begins it, s.
     pub from_s: f64,
-    /// See `from_s`.
+    /// Stamp of the command that ends it, s; the end of the run where none does.
     pub to_s: f64,
     /// Posterior probability that it was not delivered.
     pub probability: f64,
