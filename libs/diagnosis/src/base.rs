@@ -12,6 +12,7 @@
 //! state (p_x v_x p_y v_y theta L f_x f_y tau): deviations of X, theta and L, and a coloured force and torque on the base's
 //! origin; besides white force and torque, and where there is an arm, errors of its momentum and centre of mass.
 
+mod missing;
 mod noise_model;
 mod prediction;
 mod samples;
@@ -21,7 +22,7 @@ use crate::path::{EncoderPath, PosePath, TimeGrid};
 use fss_estimation::Columns;
 use fss_identify::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant, ValveHistory};
+use fss_plant::{Effect, Plant, Pulse, ValveHistory};
 use noise_model::NoiseModel;
 use prediction::Predictor;
 use samples::Samples;
@@ -85,6 +86,10 @@ impl Block for BaseBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let motion = self.predictor.motion(plant, effects)?;
         Ok(self.samples.read(&motion))
+    }
+
+    fn missing_pulses(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<(Pulse, Vec<f64>)>, ModelError> {
+        self.predictor.missing_pulses(plant, effects, |motion| self.samples.read(motion))
     }
 
     fn forget(&self) {

@@ -7,7 +7,7 @@
 
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant};
+use fss_plant::{Effect, Plant, Pulse};
 
 /// A hyper-parameter of a block's noise model: a positive number with a log-normal prior.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +57,15 @@ pub trait Block: Sync + Send {
     /// # Errors
     /// When effects make a mass or an inertia impossible.
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError>;
+
+    /// Each pulse that a thruster was commanded, with the change of the prediction by its not being delivered. Nothing where the
+    /// channels do not tell.
+    ///
+    /// # Errors
+    /// As [`Block::predict`].
+    fn missing_pulses(&self, _plant: &Plant, _effects: &[Effect]) -> Result<Vec<(Pulse, Vec<f64>)>, ModelError> {
+        Ok(Vec::new())
+    }
 
     /// Forgets what earlier predictions left to be used again; the next one is the one about which others vary.
     fn forget(&self) {}

@@ -62,6 +62,21 @@ pub struct Cause {
     pub left_out_nats: f64,
 }
 
+/// A pulse that was commanded and not delivered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MissingPulse {
+    /// The run.
+    pub run: String,
+    /// The thruster that was commanded, from 1.
+    pub thruster: usize,
+    /// Stamp of the command that begins it, s.
+    pub from_s: f64,
+    /// Stamp of the command that ends it, s; the end of the run where none does.
+    pub to_s: f64,
+    /// Posterior probability that it was not delivered.
+    pub probability: f64,
+}
+
 /// Strength of a structured discrepancy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discrepancy {
@@ -128,6 +143,8 @@ pub struct Diagnosis {
     pub suspects: Vec<Cause>,
     /// Laws in the extended plant that are no known effect's.
     pub laws: Vec<Effect>,
+    /// Single pulses that were not delivered, of the fitted and of the validation runs.
+    pub missing_pulses: Vec<MissingPulse>,
     /// Probability that no cause acts at all.
     pub probability_of_none: f64,
     /// Inclusion probabilities of all that the search went on with, most probable first.

@@ -10,6 +10,7 @@
 //! - `gram`: products of the whitened columns.
 //! - `search`: marginal likelihoods of sets of causes.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
+//! - `pulses`: single pulses that a thruster did not deliver.
 //! - [`diagnosis`]: the answer.
 
 mod alike;
@@ -24,6 +25,7 @@ pub mod joints;
 mod misfit;
 mod path;
 mod problem;
+mod pulses;
 mod scores;
 mod screening;
 mod search;
@@ -60,6 +62,9 @@ pub fn diagnose(
     say("measuring the gain");
     let scores = scores::scores(&searched, Some(&judged_on))?;
     let concluded = conclude::conclude(&problem, &searched, &scores);
+    say("asking for single pulses");
+    let mut missing_pulses = pulses::missing_pulses(&searched, &problem, runs)?;
+    missing_pulses.extend(pulses::missing_pulses(&searched, &judged_on, validation)?);
     let means = searched.uncertain_means();
     let settled_null = problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]);
     let mut extended = problem.settled(&means);
@@ -80,6 +85,7 @@ pub fn diagnose(
         causes: concluded.causes,
         suspects: concluded.suspects,
         laws: concluded.laws,
+        missing_pulses,
         probability_of_none: concluded.probability_of_none,
         inclusion: concluded.inclusion,
         discrepancy: concluded.discrepancy,
@@ -102,6 +108,7 @@ fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
         causes: Vec::new(),
         suspects: Vec::new(),
         laws: Vec::new(),
+        missing_pulses: Vec::new(),
         probability_of_none: 1.0,
         inclusion: Vec::new(),
         discrepancy: Vec::new(),

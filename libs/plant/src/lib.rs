@@ -63,7 +63,7 @@ pub use physics::{
     SupplyPhysics, ThrusterPhysics,
 };
 pub use prior::{Prior, Response, SLAB_WIDTHS};
-pub use rollout::{BaseSample, Grid, JointSample, Rollout, ValveHistory};
+pub use rollout::{BaseSample, Grid, JointSample, Pulse, Rollout, ValveHistory};
 pub use servo::JointCommand;
 pub use simulation::{INTERNAL_STEP_S, Simulation};
 pub use thruster::{Thruster, Valves};

@@ -45,6 +45,57 @@ impl ValveHistory {
         let levels = |row: Vec<L>| row.into_iter().map(Into::into).collect();
         Self { rows: rows.into_iter().map(|(stamp_s, row)| (stamp_s, levels(row))).collect() }
     }
+
+    /// All pulses, thruster by thruster, each thruster's in order of time.
+    pub fn pulses(&self) -> Vec<Pulse> {
+        let count = self.rows.iter().map(|(_, levels)| levels.len()).max().unwrap_or(0);
+        (0..count).flat_map(|thruster| self.pulses_of(thruster)).collect()
+    }
+
+    fn pulses_of(&self, thruster: usize) -> Vec<Pulse> {
+        let mut out: Vec<Pulse> = Vec::new();
+        let mut was_pushing = false;
+        for (stamp_s, levels) in &self.rows {
+            let pushes = levels.get(thruster).is_some_and(|level| *level > REST_LEVEL);
+            if pushes && !was_pushing {
+                out.push(Pulse { thruster, from_s: *stamp_s, to_s: f64::INFINITY });
+            } else if was_pushing
+                && !pushes
+                && let Some(pulse) = out.last_mut()
+            {
+                pulse.to_s = *stamp_s;
+            }
+            was_pushing = pushes;
+        }
+        out
+    }
+
+    /// The same commands with the level 0 in place of a pulse.
+    pub fn without(&self, pulse: &Pulse) -> Self {
+        let mut rows = self.rows.clone();
+        let first = rows.partition_point(|(stamp_s, _)| *stamp_s < pulse.from_s);
+        let end = rows.partition_point(|(stamp_s, _)| *stamp_s < pulse.to_s);
+        for (_, levels) in &mut rows[first..end] {
+            if let Some(level) = levels.get_mut(pulse.thruster) {
+                *level = 0.0;
+            }
+        }
+        Self { rows }
+    }
+}
+
+/// Largest level at which a thruster rests. A propeller idles at a few hundredths of the full level and hardly pushes there.
+const REST_LEVEL: f64 = 0.1;
+
+/// A maximal interval in which one thruster is commanded above rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pulse {
+    /// The thruster that is commanded, from 0.
+    pub thruster: usize,
+    /// Stamp of the first command above rest (s).
+    pub from_s: f64,
+    /// Stamp of the first command at rest again (s); infinite where the record ends before.
+    pub to_s: f64,
 }
 
 /// Steps of equal length that a rollout takes.

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{bare_base, close, effect, simulate};
-use fss_plant::{Effect, Grid, Plant, Rollout, ValveHistory};
+use fss_plant::{Effect, Grid, Plant, Pulse, Rollout, ValveHistory};
 
 const CURVE_N: [f64; 3] = [0.03, 1.05, -0.43];
 const LAG_S: f64 = 0.03;
@@ -167,4 +167,22 @@ fn a_slow_propeller_is_slow_down_as_up() {
     // Down from 1: int u = lag, int u^2 = lag / 2, int u^3 = lag / 3.
     let after = 0.2 * (CURVE_N[0] + CURVE_N[1] / 2.0 + CURVE_N[2] / 3.0);
     close(impulse(&propellers(), &[slow], pulse, 10.0, 100), 5.0 * curve_n(1.0) - lacking(1.0, 0.2) + after, 1e-9);
+}
+
+#[test]
+fn a_pulse_is_what_stands_above_an_idling_level() {
+    let rows = vec![(0.0, third(0.03)), (1.0, third(0.6)), (1.2, third(0.2)), (1.5, third(0.03)), (2.0, third(1.0))];
+    let history = ValveHistory::new(rows.clone());
+    let pulse = |from_s: f64, to_s: f64| Pulse { thruster: 2, from_s, to_s };
+    assert_eq!(history.pulses(), [pulse(1.0, 1.5), pulse(2.0, f64::INFINITY)]);
+    let mut shut = rows;
+    (shut[1].1[2], shut[2].1[2]) = (0.0, 0.0);
+    assert_eq!(history.without(&pulse(1.0, 1.5)), ValveHistory::new(shut));
+}
+
+#[test]
+fn valves_that_open_together_give_a_pulse_each() {
+    let both = ValveHistory::new(vec![(0.5, vec![true, true]), (0.7, vec![false, true]), (0.9, vec![false, false])]);
+    let pulse = |thruster: usize, to_s: f64| Pulse { thruster, from_s: 0.5, to_s };
+    assert_eq!(both.pulses(), [pulse(0, 0.7), pulse(1, 0.9)]);
 }

@@ -1,7 +1,7 @@
 //! The answer for a machine, `fss-diagnosis/1`.
 
 use super::read::ONSET;
-use fss_diagnosis::diagnosis::{Cause, Diagnosis};
+use fss_diagnosis::diagnosis::{Cause, Diagnosis, MissingPulse};
 use fss_plant::Effect;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -17,6 +17,8 @@ pub struct Answer {
     /// What was left out of the records, and what is not as the plant file says of them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<String>,
+    /// What happened once.
+    events: Vec<Event>,
     /// Probable causes that are not asserted.
     suspects: Vec<CauseAnswer>,
     posterior: Posterior,
@@ -27,6 +29,17 @@ pub struct Answer {
     /// Laws in the extended model that are no known effect's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     empirical: Vec<Effect>,
+}
+
+#[derive(Serialize)]
+struct Event {
+    kind: &'static str,
+    run: String,
+    /// The thruster that was commanded, from 1.
+    thruster: usize,
+    from_s: f64,
+    to_s: f64,
+    probability: f64,
 }
 
 #[derive(Serialize)]
@@ -137,6 +150,7 @@ impl Answer {
                 .collect(),
             gain: Gain { ratio_before: diagnosis.gain.before, ratio_after: diagnosis.gain.after, noise_floor: 1.0 },
             extended_model: extended.to_owned(),
+            events: diagnosis.missing_pulses.iter().map(event).collect(),
             suspects: diagnosis.suspects.iter().map(cause).collect(),
             remarks: diagnosis.remarks.clone(),
             posterior: Posterior {
@@ -161,6 +175,17 @@ impl Answer {
             }),
             empirical: diagnosis.laws.clone(),
         }
+    }
+}
+
+fn event(pulse: &MissingPulse) -> Event {
+    Event {
+        kind: "pulse_not_delivered",
+        run: pulse.run.clone(),
+        thruster: pulse.thruster,
+        from_s: pulse.from_s,
+        to_s: pulse.to_s,
+        probability: pulse.probability,
     }
 }
 

@@ -64,6 +64,7 @@ fn of_windowed(answer: windowed::Diagnosis) -> Diagnosis {
         causes: answer.causes.into_iter().map(cause).collect(),
         suspects: answer.suspects.into_iter().map(cause).collect(),
         laws: answer.empirical,
+        missing_pulses: Vec::new(),
         inclusion: answer.ranking.iter().map(share).collect(),
         discrepancy: Vec::new(),
         remainder: answer.unexplained.as_ref().map(|u| Remainder {

@@ -18,6 +18,7 @@ pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
         let _ = write!(html, "<p>{}</p>", escape(remark));
     }
     causes(&mut html, diagnosis);
+    missing_pulses(&mut html, diagnosis);
     gain(&mut html, diagnosis);
     html.push_str(
         "<h2>Where the simulation is wrong</h2><p>RMS error over what noise alone would give, the plant's uncertain values as the data \
@@ -83,6 +84,29 @@ fn causes(html: &mut String, diagnosis: &Diagnosis) {
             );
         }
     }
+}
+
+/// Single pulses that a thruster did not deliver.
+fn missing_pulses(html: &mut String, diagnosis: &Diagnosis) {
+    if diagnosis.missing_pulses.is_empty() {
+        return;
+    }
+    html.push_str(
+        "<h2>Pulses that were commanded and not delivered</h2><table><tr><th>run</th><th>thruster</th><th>from (s)</th>\
+         <th>to (s)</th><th>probability</th></tr>",
+    );
+    for pulse in &diagnosis.missing_pulses {
+        let _ = write!(
+            html,
+            "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.3}</td></tr>",
+            escape(&pulse.run),
+            pulse.thruster,
+            pulse.from_s,
+            pulse.to_s,
+            pulse.probability
+        );
+    }
+    html.push_str("</table>");
 }
 
 /// What the extension gains, by channel, as bars.

@@ -24,6 +24,7 @@ pub fn print(diagnosis: &Diagnosis) {
         say!("\nProbable, but not asserted:");
         diagnosis.suspects.iter().for_each(print_cause);
     }
+    missing_pulses(diagnosis);
     if let Some(left) = &diagnosis.remainder {
         say!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
         for (what, share) in &left.depends_on {
@@ -41,6 +42,18 @@ pub fn print(diagnosis: &Diagnosis) {
         diagnosis.gain.before,
         diagnosis.gain.after
     );
+}
+
+/// Single pulses that a thruster did not deliver.
+fn missing_pulses(diagnosis: &Diagnosis) {
+    if diagnosis.missing_pulses.is_empty() {
+        return;
+    }
+    say!("\nPulses that were commanded and not delivered");
+    say!("  {:<28}{:>9}{:>10}{:>10}{:>13}", "run", "thruster", "from (s)", "to (s)", "probability");
+    for p in &diagnosis.missing_pulses {
+        say!("  {:<28}{:>9}{:>10.2}{:>10.2}{:>13.3}", p.run, p.thruster, p.from_s, p.to_s, p.probability);
+    }
 }
 
 /// Strengths of the structured discrepancy that are more than expected.

@@ -62,19 +62,20 @@ pub(super) struct Path {
 pub(super) struct Predictor {
     pub(super) pose: PosePath,
     pub(super) encoders: EncoderPath,
-    valves: ValveHistory,
+    pub(super) valves: ValveHistory,
     paths: Memo<Path>,
     carriages: Memo<Carriage>,
     thrusts: Memo<Vec<[f64; 3]>>,
 }
 
 /// A predicted motion at the edges of the grid.
+#[derive(Clone)]
 pub(super) struct Motion {
     pub(super) physics: Physics,
-    grid: crate::path::TimeGrid,
+    pub(super) grid: crate::path::TimeGrid,
     /// Predicted pose of the base.
-    pose: Vec<[f64; 3]>,
-    rate: Vec<f64>,
+    pub(super) pose: Vec<[f64; 3]>,
+    pub(super) rate: Vec<f64>,
     /// The markers from the base's origin, table axes (m).
     marker_m: Vec<[f64; 2]>,
 }
@@ -146,7 +147,7 @@ impl Predictor {
         Ok(out)
     }
 
-    fn thrust(
+    pub(super) fn thrust(
         &self,
         plant: &Plant,
         effects: &[Effect],
@@ -257,7 +258,7 @@ impl Motion {
     }
 }
 
-fn rotated((sin, cos): (f64, f64), [x, y]: [f64; 2]) -> [f64; 2] {
+pub(super) fn rotated((sin, cos): (f64, f64), [x, y]: [f64; 2]) -> [f64; 2] {
     [cos * x - sin * y, sin * x + cos * y]
 }
 

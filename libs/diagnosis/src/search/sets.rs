@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Prior probability of so many causes.
-pub(super) const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
+pub(crate) const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
 /// Sets that are extended at each size.
 const BEAM: usize = 8;
 /// Standard deviation of a discrete cause's coordinate about 1.
-const DISCRETE_SD: f64 = 0.01;
+pub(crate) const DISCRETE_SD: f64 = 0.01;
 
 impl Search<'_> {
     pub(super) fn classes(&self, candidate: usize) -> usize {
@@ -176,7 +176,7 @@ fn sort(sets: &mut [Found]) {
     sets.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior).then_with(|| a.causes.cmp(&b.causes)));
 }
 
-fn log_sum(values: &[f64]) -> f64 {
+pub(crate) fn log_sum(values: &[f64]) -> f64 {
     let top = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY { top } else { top + values.iter().map(|v| (v - top).exp()).sum::<f64>().ln() }
 }
