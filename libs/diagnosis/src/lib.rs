@@ -10,6 +10,7 @@
 //! - `search`: marginal likelihoods of sets of causes.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
 //! - [`diagnosis`]: the answer.
+//! - `draw`: causes drawn from the prior, to test all of this with.
 
 mod alike;
 pub mod base;
@@ -17,6 +18,7 @@ pub mod block;
 mod candidates;
 mod conclude;
 pub mod diagnosis;
+mod draw;
 mod examine;
 pub mod joints;
 mod misfit;
@@ -30,6 +32,7 @@ mod uncertain;
 
 pub use conclude::ASSERTED;
 use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};
+pub use draw::drawn_causes;
 use examine::{Examined, examine};
 use fss_identify::measured::Run;
 use fss_multibody::ModelError;

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Prior probability of so many causes.
-const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
+pub(crate) const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
 /// Sets that are extended at each size.
 const BEAM: usize = 8;
 /// Strengths of the discrepancy that sets are compared at, over the present ones.
