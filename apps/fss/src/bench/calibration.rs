@@ -77,7 +77,7 @@ fn diagnosed(plant: &Plant, cases: u64, seed: u64, bar: &ProgressBar) -> Result<
     };
     let threads = available_parallelism().map_or(1, NonZero::get);
     let of_threads: Vec<_> = scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(&work)).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
         workers.into_iter().map(std::thread::ScopedJoinHandle::join).collect()
     });
     let mut all = Vec::new();
@@ -131,15 +131,10 @@ impl Calibration {
         say!();
         say!("{:<24} {:>6} {:>8} {:>8}", "inclusion probability", "count", "mean", "acts");
         for bin in &s.reliability {
-            say!(
-                "{:<24} {:>6} {:>8} {:>8}",
-                format!("{:.1} to {:.1}", bin.from, bin.to),
-                bin.count,
-                told(bin.mean_probability, 3),
-                told(bin.frequency, 3)
-            );
+            let (mean, frequency) = (told(bin.mean_probability, 3), told(bin.frequency, 3));
+            say!("{:.1} to {:<17.1} {:>6} {mean:>8} {frequency:>8}", bin.from, bin.to, bin.count);
         }
-        say!("expected calibration error {} of all told", told(s.expected_calibration_error, 3));
+        say!("expected calibration error {}, from 0.1 on", told(s.expected_calibration_error, 3));
         say!("drawn causes that are not told, below 0.01: {}", s.drawn_untold);
     }
 }

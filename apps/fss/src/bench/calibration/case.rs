@@ -76,7 +76,7 @@ fn flown(laboratory: &Plant, name: String, random: &mut ChaCha8Rng) -> Result<Ru
     let thrust_levels = pulses(laboratory.thrusters.len(), random);
     let mut simulation = Simulation::new(laboratory, random.random())?;
     let mut instruments = Instruments::new(0, random.random());
-    let place = [START_M, START_M, PI].map(|largest| largest * random.random_range(-1.0..1.0));
+    let place = [START_M, START_M, PI].map(|largest| random.random_range(-largest..largest));
     simulation.set_state(place, START_VELOCITY.map(|sd| sd * normal(random)), &[], &[]);
     let period_s = 1.0 / laboratory.sensors.mocap_rate_hz;
     let steps = ((RUN_S + 2.0 * BEHIND_S) / period_s).round() as usize;

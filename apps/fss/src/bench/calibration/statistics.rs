@@ -12,6 +12,7 @@ const SURELY_UNIFORM: f64 = 0.25;
 /// Of all cases.
 #[derive(Serialize)]
 pub struct Statistics {
+    /// How many.
     pub cases: usize,
     /// Causes that were drawn.
     pub drawn: usize,
@@ -19,27 +20,37 @@ pub struct Statistics {
     pub recovered: usize,
     /// Those of them of which no inclusion probability was told.
     pub drawn_untold: usize,
+    /// Causes that were asserted, laws included.
     pub asserted: usize,
+    /// Those of them that act, or cannot be told from one that does.
     pub right_by_name: usize,
+    /// Those of them in whose place an alternative acts.
     pub right_as_alternative: usize,
+    /// All others.
     pub wrong: usize,
-    /// Cases in which nothing was hidden, and those of them in which something was asserted.
+    /// Cases in which nothing was hidden.
     pub null_cases: usize,
+    /// Those of them in which something was asserted.
     pub null_cases_with_name: usize,
+    /// Ranks of true values.
     pub ranks: Ranks,
     /// Inclusion probabilities against how often the cause acted.
     pub reliability: Vec<Bin>,
-    /// Mean over all inclusion probabilities of their bin's distance from calibration.
+    /// Mean, over the inclusion probabilities beyond the first bin, of the distance between mean probability and frequency in
+    /// their bin.
     pub expected_calibration_error: Option<f64>,
 }
 
 /// Ranks of true values in their posteriors.
 #[derive(Serialize)]
 pub struct Ranks {
+    /// How many.
     pub count: usize,
+    /// How many in each bin of equal width.
     pub histogram: [usize; BINS],
-    /// Largest distance of the ranks' distribution from the uniform one, and its p-value.
+    /// Largest distance of the ranks' distribution from the uniform one.
     pub kolmogorov_smirnov_d: Option<f64>,
+    /// Its p-value, if the ranks were independent.
     pub p_value: Option<f64>,
     /// Share of the true values within the central 90 % of their posteriors.
     pub coverage_90: Option<f64>,
@@ -48,9 +59,13 @@ pub struct Ranks {
 /// Inclusion probabilities between two values.
 #[derive(Serialize)]
 pub struct Bin {
+    /// The lower one.
     pub from: f64,
+    /// The upper one.
     pub to: f64,
+    /// How many.
     pub count: usize,
+    /// Their mean.
     pub mean_probability: Option<f64>,
     /// Share of these causes that acted.
     pub frequency: Option<f64>,
@@ -59,7 +74,7 @@ pub struct Bin {
 impl Statistics {
     /// Of these cases.
     pub fn of(cases: &[Case]) -> Self {
-        let sum = |count: fn(&Case) -> usize| cases.iter().map(count).sum();
+        let sum = |count: fn(&Case) -> usize| cases.iter().map(count).sum::<usize>();
         let judged = |as_what: Assertion| cases.iter().flat_map(|c| &c.asserted).filter(|a| **a == as_what).count();
         let told: Vec<(f64, bool)> = cases.iter().flat_map(|case| case.inclusion.iter().copied()).collect();
         let reliability: Vec<Bin> = (0..BINS).map(|i| Bin::of(i, &told)).collect();
@@ -76,7 +91,7 @@ impl Statistics {
             null_cases: nulls().count(),
             null_cases_with_name: nulls().filter(|case| !case.asserted.is_empty()).count(),
             ranks: Ranks::of(cases.iter().flat_map(|case| case.ranks.iter().copied()).collect()),
-            expected_calibration_error: mean(reliability.iter().map(Bin::error).sum(), told.len()),
+            expected_calibration_error: expected_error(&reliability[1..]),
             reliability,
         }
     }
@@ -121,6 +136,10 @@ impl Bin {
     }
 }
 
+fn expected_error(bins: &[Bin]) -> Option<f64> {
+    mean(bins.iter().map(Bin::error).sum(), bins.iter().map(|bin| bin.count).sum())
+}
+
 /// Probability that so many independent uniform values are at least as far from uniform, of the Kolmogorov-Smirnov distance
 /// (Stephens' approximation for few values).
 fn p_value(distance: f64, count: usize) -> f64 {
@@ -129,7 +148,10 @@ fn p_value(distance: f64, count: usize) -> f64 {
     if x < SURELY_UNIFORM {
         return 1.0;
     }
-    let term = |k: i32| if k % 2 == 1 { 2.0 } else { -2.0 } * (-2.0 * (f64::from(k) * x).powi(2)).exp();
+    let term = |k: i32| {
+        let sign = if k % 2 == 1 { 1.0 } else { -1.0 };
+        2.0 * sign * (-2.0 * (f64::from(k) * x).powi(2)).exp()
+    };
     (1..=TERMS).map(term).sum::<f64>().clamp(0.0, 1.0)
 }
 
