@@ -1,6 +1,7 @@
-//! `fss bench`: how fast this build is on this machine.
+//! `fss bench`: how fast this build is on this machine, and how well the diagnosis is calibrated.
 
 mod browser;
+mod calibration;
 mod distribution;
 mod ipc;
 mod jitter;
@@ -24,6 +25,8 @@ use crate::files::TextFile;
 pub enum BenchCommand {
     /// Forward dynamics, an RK4 step, and a step with its state-transition matrix: medians of several runs.
     Dynamics(DynamicsArgs),
+    /// Simulation-based calibration of the diagnosis: causes drawn from its priors, ranks of true values, probabilities.
+    Calibration(CalibrationArgs),
     /// One-way latency of a sample over the bus, raw iceoryx2, bare shared memory, UDP and Unix sockets, in turns.
     Ipc(JsonArgs),
     /// How late a service's step begins, against a bare `clock_nanosleep` loop, in turns.
@@ -34,6 +37,20 @@ pub enum BenchCommand {
     Stack(StackArgs),
     /// What a live page at 30 pictures a second costs those who fly: the stack with and without `fss view`, in turns.
     View(ViewArgs),
+}
+
+/// Which cases to draw.
+#[derive(Args)]
+pub struct CalibrationArgs {
+    /// How many cases.
+    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..))]
+    cases: u64,
+    /// Seed of all that is drawn.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// How to tell.
@@ -125,6 +142,10 @@ struct DynamicsTimes {
 pub fn run(command: &BenchCommand) -> Result<()> {
     match command {
         BenchCommand::Dynamics(args) => dynamics(args),
+        BenchCommand::Calibration(args) => {
+            let found = calibration::measure(args.cases, args.seed)?;
+            tell(args.json, &found, || found.print())
+        }
         BenchCommand::Ipc(args) => {
             let times = ipc::measure()?;
             tell(args.json, &times, || times.print())

@@ -62,7 +62,7 @@ enum Command {
     Workspace(workspace::WorkspaceArgs),
     /// Hide an effect, fly experiments against it, diagnose their logs, and score the answer.
     Challenge(challenge::ChallengeArgs),
-    /// Measure how fast this build is on this machine.
+    /// Measure how fast this build is on this machine, and how well the diagnosis is calibrated.
     #[command(subcommand)]
     Bench(bench::BenchCommand),
     /// Show a running stack, live: rates, jitter, ages, health, batteries, valves.

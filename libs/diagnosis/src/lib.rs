@@ -12,6 +12,7 @@
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
 //! - `pulses`: single pulses that a thruster did not deliver.
 //! - [`diagnosis`]: the answer.
+//! - `draw`: causes drawn from the prior, to test all of this with.
 
 mod alike;
 pub mod base;
@@ -19,6 +20,7 @@ pub mod block;
 mod candidates;
 mod conclude;
 pub mod diagnosis;
+mod draw;
 mod examine;
 mod gram;
 pub mod joints;
@@ -34,6 +36,7 @@ mod uncertain;
 
 pub use conclude::ASSERTED;
 use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};
+pub use draw::drawn_causes;
 use examine::{Examined, examine};
 use fss_identify::measured::Run;
 use fss_multibody::ModelError;
