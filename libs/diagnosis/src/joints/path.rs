@@ -55,13 +55,12 @@ impl MeasuredPath {
         let tracks = |all: Vec<Nodes>| all.into_iter().map(track).collect::<Vec<_>>();
         let datagrams = run.commands.as_ref().filter(|c| c.joints.len() == links);
         let response = datagrams.and_then(|commands| response::response(plant, commands, &grid_s).ok());
-        let (reference, by_gain) = match response {
-            Some(response) => (Some(tracks(response.nominal)), response.by_gain.into_iter().map(tracks).collect()),
-            None => {
-                let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
-                let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
-                (command.map(|command| tracks(follow(command))), Vec::new())
-            }
+        let (reference, by_gain) = if let Some(response) = response {
+            (Some(tracks(response.nominal)), response.by_gain.into_iter().map(tracks).collect())
+        } else {
+            let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
+            let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
+            (command.map(|command| tracks(follow(command))), Vec::new())
         };
         let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, by_gain, base: None, start_s, nodes };
         for (i, own) in readings.iter().enumerate() {

@@ -102,7 +102,9 @@ impl Ranks {
         ranks.sort_by(f64::total_cmp);
         let n = ranks.len();
         let mut histogram = [0; BINS];
-        ranks.iter().for_each(|rank| histogram[bin_of(*rank)] += 1);
+        for rank in &ranks {
+            histogram[bin_of(*rank)] += 1;
+        }
         let distance = |(i, rank): (usize, &f64)| ((i + 1) as f64 / n as f64 - rank).max(rank - i as f64 / n as f64);
         let d = (n > 0).then(|| ranks.iter().enumerate().map(distance).fold(0.0, f64::max));
         let covered = ranks.iter().filter(|rank| (0.05..=0.95).contains(*rank)).count();
