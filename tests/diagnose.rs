@@ -1,6 +1,8 @@
 //! The simulation meets measured data: where is it wrong?
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod common;
+
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,7 +17,7 @@ fn shared(case: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    println!("skipped: no {case} beside the repository");
+    common::skipped(&format!("no {case} beside the repository"));
     None
 }
 

@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use fss_lab::TRUTH_PERIOD_NS;
+use fss_messages::{Event, MissionState, text_of};
 use fss_records::log::Log;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -20,6 +21,8 @@ use witness::Witness;
 #[allow(dead_code, unreachable_pub)] // the program asks more of it
 #[path = "../apps/fss/src/run/witness.rs"]
 mod witness;
+
+mod common;
 
 /// No valve may be open longer than this after the last command that opened it.
 const DEAD_MAN_NS: u64 = 100_000_000;
@@ -42,21 +45,24 @@ struct Flight {
     prefix: String,
 }
 
+/// Turns to and fro, 4 s each, the last one to the left.
+fn turns(phases: usize) -> String {
+    let mut mission = "name = \"to and fro\"\ndescription = \"The base turns to and fro.\"\n".to_owned();
+    for k in 0..phases {
+        let theta_deg = if (phases - k) % 2 == 1 { 15 } else { -15 };
+        let (base, arm) =
+            (format!("{{ goal = \"goto\", x_m = 0, y_m = 0, theta_deg = {theta_deg} }}"), "{ goal = \"hold\" }");
+        writeln!(mission, "[[phase]]\nname = \"p{k}\"\nduration_s = 4\nbase = {base}\narm = {arm}").unwrap();
+    }
+    mission
+}
+
 impl Flight {
-    fn start(first_port: u16) -> Self {
+    fn start(first_port: u16, mission: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut mission = "name = \"to and fro\"\ndescription = \"The base turns to and fro.\"\n".to_owned();
-        for k in 0..PHASES {
-            let theta_deg = if k % 2 == 0 { 15 } else { -15 };
-            let (base, arm) =
-                (format!("{{ goal = \"goto\", x_m = 0, y_m = 0, theta_deg = {theta_deg} }}"), "{ goal = \"hold\" }");
-            writeln!(mission, "[[phase]]\nname = \"p{k}\"\nduration_s = 4\nbase = {base}\narm = {arm}").unwrap();
-        }
-        // A mission that died begins anew here: where it was does not matter to this flight.
         let launch = include_str!("../deploy/etc/launch/lab.toml")
             .replace("51001", &first_port.to_string())
-            .replace("5110", &(first_port / 10 + 1).to_string())
-            .replace("restart = false                     # a mission", "restart = true # a mission");
+            .replace("5110", &(first_port / 10 + 1).to_string());
         let (mission_file, launch_file) =
             (folder.path().join("mission-file.toml"), folder.path().join("launch-file.toml"));
         std::fs::write(&mission_file, mission).unwrap();
@@ -203,7 +209,7 @@ impl Shown {
 
     /// Flies one stack and strikes it until it has its share.
     fn fly(&mut self, kills: u64, random: &mut ChaCha8Rng) {
-        let mut flight = Flight::start(53_010 + 20 * (self.flights % 40) as u16);
+        let mut flight = Flight::start(53_010 + 20 * (self.flights % 40) as u16, &turns(PHASES));
         self.flights += 1;
         self.last_blow_ns.clear();
         let mut witness = Witness::join(&flight.prefix, "").unwrap();
@@ -305,4 +311,41 @@ fn whatever_dies_or_freezes_the_valves_shut_and_everything_comes_back() {
     // What is killed while it joins leaves files that only the end of the stack removes: fewer than one a blow.
     let most = kills.min(KILLS_A_FLIGHT) as usize;
     assert!(shown.more_files < most, "shared memory grew by {} files in {most} kills", shown.more_files);
+}
+
+#[test]
+fn a_mission_that_is_killed_five_times_goes_on_in_its_phase_and_reaches_its_goal() {
+    let mut flight = Flight::start(53_900, &turns(4));
+    let mut witness = Witness::join(&flight.prefix, "").unwrap();
+    watch_for(&mut witness, Duration::from_secs(4));
+    for _ in 0..5 {
+        assert!(flight.strike("mission", Signal::KILL), "there is a mission to kill");
+        watch_for(&mut witness, Duration::from_secs(2));
+    }
+    drop(witness);
+    let said = loop {
+        if let Some(said) = flight.ended() {
+            break said;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let out = flight.out();
+    let summary = common::json(&out.join("summary.json"));
+    assert_eq!(summary["outcome"], "done", "{said}");
+    assert_eq!(summary["services"]["mission"]["starts"], 6);
+    let path = out.join("run.mcap");
+    let log = Log::open(&path).unwrap();
+    let events = log.samples::<Event>("/events").unwrap();
+    let count = |words: &str| events.iter().filter(|event| text_of(&event.text) == words).count();
+    for words in ["mission to and fro begins", "phase 1: p0", "phase 2: p1", "phase 3: p2", "phase 4: p3"] {
+        assert_eq!(count(words), 1, "'{words}' once");
+    }
+    // Each phase has the clock that it began with.
+    let states = log.samples::<MissionState>("/mission/state").unwrap();
+    let running = states.iter().filter(|state| state.state == MissionState::RUNNING);
+    let begun: BTreeSet<u64> = running.map(|state| state.phase_start_ns).collect();
+    let begun: Vec<u64> = begun.into_iter().collect();
+    assert!(begun.windows(2).all(|pair| pair[1] - pair[0] == 4_000_000_000), "{begun:?}");
+    assert_eq!(begun.len(), 4);
+    common::succeed(&["replay", &path.display().to_string()]);
 }

@@ -275,7 +275,9 @@ fn vehicles_on_two_hosts_hear_each_other_fly_on_when_the_cable_is_pulled_and_hea
     let _alone = ONE_PAIR.lock();
     let cable = match Cable::lay() {
         Ok(cable) => cable,
-        Err(why) => return println!("skipped: network namespaces need root and iproute2: {why}"),
+        Err(why) => {
+            return common::skipped(&format!("network namespaces need root and iproute2: {why}"));
+        }
     };
     let folder = tempfile::tempdir().unwrap();
     let by = |space: usize| ["ip", "netns", "exec", cable.spaces[space].as_str()];

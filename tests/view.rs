@@ -219,7 +219,7 @@ fn chromium() -> Option<&'static str> {
 #[test]
 fn a_browser_draws_the_page() {
     let Some(browser) = chromium() else {
-        println!("skipped: there is no chromium on this computer (sudo apt-get install chromium)");
+        common::skipped("there is no chromium on this computer (sudo apt-get install chromium)");
         return;
     };
     let folder = tempfile::tempdir().unwrap();

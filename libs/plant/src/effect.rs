@@ -152,6 +152,17 @@ impl Effect {
         self.onset_s
     }
 
+    /// In a line: the id, the index or channel, and the parameters with their values.
+    pub fn in_words(&self) -> String {
+        let index = self.index.map(|i| format!(" {i}")).unwrap_or_default();
+        let channel = self.channel().map(|c| format!(" {c}")).unwrap_or_default();
+        let named = self.about().parameters.iter().zip(self.values());
+        // Four significant digits.
+        let digits = |value: f64| (3.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+        let values: Vec<_> = named.map(|(p, value)| format!("{} {value:.*}", p.name, digits(*value))).collect();
+        format!("{}{index}{channel}: {}", self.id(), values.join(", "))
+    }
+
     /// Whether it acts at `t_s`.
     pub fn is_active(&self, t_s: f64) -> bool {
         self.onset_s.is_none_or(|onset| t_s >= onset)

@@ -10,6 +10,7 @@ use fss_plant::{
     BaseSample, Effect, Grid, JointCommand, JointSample, Physics, Plant, Rollout, Simulation, ValveHistory,
 };
 use nalgebra::{SMatrix, SVector};
+use std::io::Write as _;
 use std::path::PathBuf;
 
 /// Folder of a case, if the cases are there.
@@ -18,7 +19,8 @@ fn case(name: &str) -> Option<PathBuf> {
     if path.is_dir() {
         Some(path)
     } else {
-        println!("skipped: no {name} beside the repository");
+        // Past the harness, which shows what a test prints only where it fails.
+        std::io::stderr().write_all(format!("skipped: no {name} beside the repository\n").as_bytes()).unwrap();
         None
     }
 }

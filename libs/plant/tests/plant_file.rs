@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use fss_plant::{DEFAULT_PLANT, Effect, Instruments, JointCommand, Plant, Simulation, effects};
+use std::io::Write as _;
 
 const SMALL: &str = "\
 [base]
@@ -264,7 +265,8 @@ fn damaged_files_are_refused_or_read_but_never_crash() {
 fn every_measured_case_is_a_plant() {
     let cases = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/measured/cases");
     let Ok(cases) = std::fs::read_dir(cases) else {
-        println!("skipped: no measured cases beside the repository");
+        // Past the harness, which shows what a test prints only where it fails.
+        std::io::stderr().write_all(b"skipped: no measured cases beside the repository\n").unwrap();
         return;
     };
     for case in cases.flatten() {

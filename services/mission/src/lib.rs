@@ -5,8 +5,9 @@
 //! `/mission/state`, and ends [done](fss_messages::MissionState::DONE) or
 //! [aborted](fss_messages::MissionState::ABORTED). In both ends the thrusters are shut and the arm holds its joints.
 //!
-//! A mission keeps nothing over a restart, and a mission that was flown in part must not begin anew by itself: its launch
-//! file says `restart = false`. When it dies, base and arm see `/mission/state` age and do the safe thing.
+//! Over a restart a mission keeps what it published last: the launcher, which reads it, gives it to the next process, and
+//! [`MissionService::resumed`] goes on in the same phase by that phase's clock. Meanwhile base and arm see `/mission/state`
+//! age, and do the safe thing when it is too old.
 
 mod error;
 mod file;

@@ -111,6 +111,17 @@ impl MissionService {
         }
     }
 
+    /// The same flight of `mission`, gone on with by a new process: `last` is what the one before published last. A phase goes
+    /// on by the clock that it began with; a condition that was to hold for some time begins to hold anew.
+    pub fn resumed(mission: Mission, config: MissionConfig, last: MissionState) -> Self {
+        let mut service = Self::new(mission, config);
+        service.sample = last;
+        if let Some(phase) = service.mission.phase(last.phase as usize) {
+            service.phase_end = end_of(phase, Time::from_ns(last.phase_start_ns));
+        }
+        service
+    }
+
     fn wait(&mut self, now: Time, inputs: &Inputs, events: &mut Output<Event>) {
         if let Some(trouble) = self.trouble(now, inputs) {
             // Say what is waited for, but only now and then.
@@ -253,7 +264,7 @@ impl MissionService {
     fn begin(&mut self, index: usize, start: Time, inputs: &Inputs, events: &mut Output<Event>) {
         let Some(phase) = self.mission.phase(index) else { return };
         events.publish(event(start, Event::INFO, format_args!("phase {}: {}", index + 1, phase.name)));
-        self.phase_end = start.plus_ns((phase.longest_s() * 1e9) as u64);
+        self.phase_end = end_of(phase, start);
         self.met_since = None;
         let here = inputs.nav.get().map_or(self.sample.base_goal, |nav| [nav.x_m, nav.y_m, nav.theta_rad]);
         let s = &mut self.sample;
@@ -368,6 +379,10 @@ impl MissionService {
         let blocked = running && arm.blocked != 0 && arm.stamp_ns > self.sample.phase_start_ns;
         blocked.then_some(Trouble::ArmBlocked)
     }
+}
+
+fn end_of(phase: &Phase, start: Time) -> Time {
+    start.plus_ns((phase.longest_s() * 1e9) as u64)
 }
 
 fn event(now: Time, severity: u8, message: core::fmt::Arguments<'_>) -> Event {

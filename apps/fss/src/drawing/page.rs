@@ -17,7 +17,7 @@ pub fn head(window_title: &str, heading: &str) -> String {
 pub const FOOT: &str = "</html>\n";
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:980px;margin:2em auto;padding:0 1em;color:#222}\
-    table{border-collapse:collapse;font-size:13px;margin:.6em 0}\
+    table{border-collapse:collapse;font-size:13px;margin:.6em 0;display:block;max-width:100%;overflow-x:auto}\
     td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid #ddd;vertical-align:top}\
     td:first-child,th:first-child,.text td,.text th{text-align:left}\
     .far{background:#fbd9d3}.near{background:#e4f3e1}.numbers{font-variant-numeric:tabular-nums}\

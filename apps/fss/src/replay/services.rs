@@ -23,7 +23,7 @@ pub fn replay_all(stack: &Stack, tape: &Tape) -> Result<Vec<Verdict>> {
     let mut verdicts = vec![
         replay(tape, |_| fusion(stack, tape))?,
         replay(tape, |life| links(stack, tape, life))?,
-        replay(tape, |_| mission(stack, tape))?,
+        replay(tape, |life| mission(stack, tape, life))?,
         replay(tape, |_| arm(stack, tape))?,
         replay(tape, |_| base(stack, tape))?,
         replay(tape, |_| thrusters(stack, tape))?,
@@ -122,10 +122,16 @@ fn links<'a>(stack: &Stack, tape: &'a Tape, life: &[Step]) -> Result<Player<'a, 
     )
 }
 
-fn mission<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, MissionService>> {
+fn mission<'a>(stack: &Stack, tape: &'a Tape, life: &[Step]) -> Result<Player<'a, MissionService>> {
     let bus = &bus(stack);
+    let (mission, config) = (stack.mission.clone(), MissionConfig::for_plant(&stack.plant));
+    // A process that was started again went on from what the one before had published last.
+    let service = match tape.mission.before(life[0].published_ns) {
+        Some(last) => MissionService::resumed(mission, config, *last),
+        None => MissionService::new(mission, config),
+    };
     player!(
-        MissionService::new(stack.mission.clone(), MissionConfig::for_plant(&stack.plant)),
+        service,
         bus,
         [
             FromTopic::open(bus, &tape.nav).into_diagnostic()?,

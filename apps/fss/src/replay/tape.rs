@@ -42,6 +42,11 @@ impl<T: Sample> Recorded<T> {
         self.samples[..end].iter().rfind(|sample| sample.header().sequence == sequence)
     }
 
+    /// The newest that was published before `published_ns`.
+    pub fn before(&self, published_ns: u64) -> Option<&T> {
+        self.samples[..self.samples.partition_point(|sample| sample.header().published_ns < published_ns)].last()
+    }
+
     /// All from `published_ns` on.
     pub fn since(&self, published_ns: u64) -> &[T] {
         &self.samples[self.samples.partition_point(|sample| sample.header().published_ns < published_ns)..]

@@ -5,8 +5,9 @@ use super::notify::{self, Systemd};
 use super::stack::Stack;
 use crate::files::this_program;
 use fss_bus::launch::Schedule;
-use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime};
+use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
+use fss_mission::MissionService;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rustix::process::setpriority_process;
 use std::collections::BTreeMap;
@@ -17,6 +18,7 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use zerocopy::IntoBytes;
 
 /// Of the launcher and of services without a real-time priority, and of all while they start.
 const NICE: i32 = -10;
@@ -41,6 +43,8 @@ const OWN_STALL: Duration = Duration::from_millis(150);
 const SAFE_MODE_TIME: Duration = Duration::from_secs(1);
 /// Services that move the vehicle: safe mode stops them, and what they drove comes to rest by its own time-out.
 const MOVERS: [&str; 3] = ["mission", "base", "arm"];
+/// They end after the flight's services: the world in which these act, and the log of what they do.
+const OUTLASTING: [&str; 2] = ["recorder", "lab"];
 /// The flight goes on without them, whatever happens to them.
 const SPARED: [&str; 3] = ["recorder", "ground", BRIDGE];
 /// A flight begins without it, too.
@@ -144,7 +148,7 @@ impl<'a> Supervisor<'a> {
 
     fn fly(&mut self, stop: &AtomicBool, progress: &mut impl FnMut(&MissionState)) -> Result<()> {
         for i in 0..self.members.len() {
-            self.members[i].start(self.site)?;
+            self.members[i].start(self.site, None)?;
             if self.members[i].schedule.name.get_ref() == "recorder" {
                 self.wait_for(i);
             }
@@ -204,7 +208,9 @@ impl<'a> Supervisor<'a> {
     /// A computer without room for one process more may have it again soon: that alone ends no flight.
     fn restart(&mut self, i: usize) {
         let member = &mut self.members[i];
-        match member.start(self.site) {
+        self.mission.refresh();
+        let last = self.mission.get().filter(|_| member.schedule.name.get_ref() == MissionService::NAME);
+        match member.start(self.site, last) {
             Ok(()) => self.flown.restarts += 1,
             Err(why) => {
                 member.restart_at = Some(Instant::now() + member.pause);
@@ -314,8 +320,14 @@ impl<'a> Supervisor<'a> {
         self.events.flush(now);
     }
 
-    /// Stops everything in the opposite order of its start, so that the recorder, started first, hears all.
+    /// Stops the flight's services together, since the end of one is no fault for the others to report, and then the others in
+    /// the opposite order of their start, so that the recorder, started first, hears all.
     fn stop_all(&mut self) {
+        for member in &mut self.members {
+            if !OUTLASTING.contains(&member.schedule.name.get_ref().as_str()) {
+                member.ask_to_stop();
+            }
+        }
         for member in self.members.iter_mut().rev() {
             member.stop();
         }
@@ -344,7 +356,8 @@ impl Member {
         }
     }
 
-    fn start(&mut self, site: &Site) -> Result<()> {
+    /// Starts its process; a mission goes on from `last`, what was published of it last.
+    fn start(&mut self, site: &Site, last: Option<&MissionState>) -> Result<()> {
         let name = self.schedule.name.get_ref();
         self.starts += 1;
         self.started = Instant::now();
@@ -372,6 +385,9 @@ impl Member {
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .process_group(0);
+        if let Some(last) = last {
+            command.arg("--resume").arg(hex::encode(last.as_bytes()));
+        }
         let mut child = command.spawn().into_diagnostic().wrap_err_with(|| format!("cannot start service '{name}'"))?;
         if let Some(mut stderr) = child.stderr.take() {
             let said = self.said.clone();
@@ -399,10 +415,16 @@ impl Member {
         Ok(status)
     }
 
-    fn stop(&mut self) {
+    fn ask_to_stop(&mut self) {
         self.restart_at = None;
+        if let Some(child) = &mut self.child {
+            drop(child.stdin.take());
+        }
+    }
+
+    fn stop(&mut self) {
+        self.ask_to_stop();
         let Some(mut child) = self.child.take() else { return };
-        drop(child.stdin.take()); // the word to stop
         let asked = Instant::now();
         while asked.elapsed() < STOP_TIME {
             if matches!(child.try_wait(), Ok(Some(_)) | Err(_)) {

@@ -105,6 +105,9 @@ pub struct SiteArgs {
     /// How often this process has been started in this run.
     #[arg(long, default_value_t = 1, hide = true)]
     starts: u32,
+    /// What the process before it published last, in hexadecimal digits: the mission goes on from there.
+    #[arg(long, hide = true)]
+    resume: Option<String>,
     /// Stop when standard input ends, as the launcher wants it.
     #[arg(long, hide = true)]
     supervised: bool,

@@ -19,7 +19,7 @@ use fss_ground::{Ground, GroundConfig};
 use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
-use fss_messages::{MAX_LINKS, TruthState, topic};
+use fss_messages::{MAX_LINKS, MissionState, TruthState, topic};
 use fss_mission::{Mission, MissionConfig, MissionService};
 use fss_multibody::State;
 use fss_plant::Plant;
@@ -35,6 +35,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use zerocopy::FromBytes;
 
 /// What every process of a stack has.
 struct Site {
@@ -112,11 +113,23 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
             site.fly(Calibration::new(plant.link_count(), MovementBand::of(plant)), || ())?;
         }
         "mission" => {
-            site.fly(MissionService::new(site.stack.mission.clone(), MissionConfig::for_plant(plant)), || ())?;
+            let (mission, config) = (site.stack.mission.clone(), MissionConfig::for_plant(plant));
+            let service = match &args.resume {
+                Some(last) => MissionService::resumed(mission, config, last_state(last)?),
+                None => MissionService::new(mission, config),
+            };
+            site.fly(service, || ())?;
         }
         _ => miette::bail!("there is no service '{name}'; `fss service --help` lists them"),
     }
     Ok(())
+}
+
+/// The sample that the launcher gave.
+fn last_state(hexadecimal: &str) -> Result<MissionState> {
+    let bytes = hex::decode(hexadecimal).into_diagnostic()?;
+    let state = MissionState::read_from_bytes(&bytes);
+    state.map_err(|_| miette!("--resume: not the bytes of a mission's state, which are {}", size_of::<MissionState>()))
 }
 
 fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {

@@ -3,6 +3,7 @@
 use super::figures::{self, CaptureFigures, CarryFigures, StopFigures};
 use super::stack::Stack;
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
+use fss_plant::Effect;
 use fss_records::log::{Log, LogError, Samples, TopicInfo};
 use serde::Serialize;
 use std::any::Any;
@@ -19,6 +20,9 @@ pub struct Summary {
     pub outcome: &'static str,
     /// From the first to the last record, s.
     pub duration_s: f64,
+    /// Effects of the plant that flew: each as its id, its index or channel, and its values.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<String>,
     /// Topics with counts and rates.
     pub topics: Vec<Topic>,
     /// How far the base turned while the arm worked: at the end and at most, degrees.
@@ -208,7 +212,8 @@ impl Records {
         let stop = figures::stop(stack, &self.truth, &self.states);
         let capture = figures::capture(stack, &self.truth, &self.states);
         let carry = figures::carry(&self.truth, &self.states);
-        Summary { stop, capture, carry, ..self.summary(&stack.mission_name) }
+        let effects = stack.laboratory().effects.iter().map(Effect::in_words).collect();
+        Summary { effects, stop, capture, carry, ..self.summary(&stack.mission_name) }
     }
 
     /// The run's figures.
@@ -219,6 +224,7 @@ impl Records {
             format: "fss-summary/1",
             mission: mission.to_owned(),
             outcome: outcome(&self.states),
+            effects: Vec::new(),
             duration_s: (last_ns - first_ns) as f64 * 1e-9,
             base_rotation_deg: rotation(flown),
             end_effector: end_effector(flown, &self.arm),
@@ -247,6 +253,9 @@ impl Summary {
             say!("{:<26} {:>8} {:>10}", t.name, t.count, number(t.rate_hz, 1.0, 2));
         }
         say!("\nmission            {} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s);
+        for effect in &self.effects {
+            say!("effect of the plant {effect}");
+        }
         if let Some(r) = &self.base_rotation_deg {
             say!("base rotation      {:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg);
         }
