@@ -128,7 +128,7 @@ fn gain(html: &mut String, diagnosis: &Diagnosis) {
     let top = before.iter().chain(after).map(ChannelMisfit::ratio).filter(|r| r.is_finite()).fold(2.0, f64::max);
     let row = 17.0;
     let height = row * before.len() as f64 + 24.0;
-    let x = |ratio: f64| 230.0 + (WIDTH - 300.0) * (1.0 + ratio).ln() / (1.0 + top).ln();
+    let x = |ratio: f64| 230.0 + (WIDTH - 330.0) * (1.0 + ratio).ln() / (1.0 + top).ln();
     let _ = write!(html, "<svg viewBox=\"0 0 {WIDTH} {height}\" width=\"100%\" role=\"img\"><g font-size=\"11\">");
     for (i, b) in before.iter().enumerate().filter(|(_, m)| m.ratio().is_finite()) {
         let y = row * i as f64 + 4.0;
