@@ -26,6 +26,7 @@ mod process;
 mod response;
 mod rows;
 mod smoother;
+mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
@@ -95,7 +96,7 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let scale = torque_scale(plant)?;
     let none = Loads::default();
     let rigid = Mechanics::new(plant, &[], (run, &path, &none), Some(&thrust)).ok()?;
-    let loads = if rows::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
+    let loads = if telemetry::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
     let mechanics = Mechanics::new(plant, &[], (run, &path, &loads), Some(&thrust)).ok()?;
     let nominal = linearize::predict(&mechanics, &path, &rows);
     // Headings are known but for whole turns.
@@ -152,7 +153,7 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slop
     let reach_m: f64 = plant.links.iter().map(|l| l.length_m).sum::<f64>().max(1e-3);
     NoiseModel {
         links,
-        driven: rows::is_driven(run),
+        driven: telemetry::is_driven(run),
         sensed: (0..links).map(|i| has(&|k| k == Kind::Torque(i))).collect(),
         powered: (0..links).map(|i| has(&|k| k == Kind::Current(i) || k == Kind::Undriven(i))).collect(),
         has_tip: has(&|k| matches!(k, Kind::Tip(_))),

@@ -48,11 +48,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     let mut linearized = problem.linearized(&[], Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
-    let mut start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
-    if let Some(variation) = start.last_mut() {
-        *variation = VARIATIONS[0];
-    }
-    let null_hyper = search.optimized(&linearized, &[], &[], &start, 1.0, |_, _| true);
+    let null_hyper = search.optimized(&linearized, &[], &[], &medians(problem), 1.0, |_, _| true);
     let mut hyper = null_hyper.clone();
     let mut model: Vec<Present> = Vec::new();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
@@ -103,6 +99,15 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         model = search.polished(model, &best, &hyper)?;
     }
     unreachable_round()
+}
+
+/// The hyper-parameters' medians, without variation from run to run.
+fn medians(problem: &Problem) -> Vec<f64> {
+    let mut start: Vec<f64> = problem.hyper.iter().map(|h| h.median).collect();
+    if let Some(variation) = start.last_mut() {
+        *variation = VARIATIONS[0];
+    }
+    start
 }
 
 /// The loop above always returns in its last round.

@@ -2,10 +2,10 @@
 
 use super::response::{self, Nodes};
 use super::smoother::{Reading, smooth};
+use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
 use fss_identify::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
-use std::f64::consts::{PI, TAU};
 
 /// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.
 const NODE_S: f64 = 0.005;
@@ -46,7 +46,7 @@ impl MeasuredPath {
         }
         let nodes = ((end_s - start_s) / NODE_S).ceil() as usize + 1;
         let grid_s: Vec<f64> = (0..nodes).map(|k| start_s + NODE_S * k as f64).collect();
-        let merge_s = if super::rows::is_driven(run) { MERGE_S } else { SERVO_MERGE_S };
+        let merge_s = if is_driven(run) { MERGE_S } else { SERVO_MERGE_S };
         let readings: Vec<Vec<Reading>> = (0..links).map(|i| readings(joints, i, sensors, merge_s)).collect();
         if readings.iter().any(Vec::is_empty) {
             return None;
@@ -121,37 +121,6 @@ impl MeasuredPath {
     }
 }
 
-/// Angles without jumps of a turn.
-pub(super) fn unwrapped(values: &[f64]) -> Vec<f64> {
-    let (mut turns, mut last) = (0.0, f64::NAN);
-    values
-        .iter()
-        .map(|v| {
-            if (v - last).abs() > PI {
-                turns -= TAU * ((v - last) / TAU).round();
-            }
-            if v.is_finite() {
-                last = *v;
-            }
-            v + turns
-        })
-        .collect()
-}
-
-/// Groups of rows closer together than `width_s`: each from a row to before another.
-pub(super) fn groups(t_s: &[f64], width_s: f64) -> Vec<std::ops::Range<usize>> {
-    let mut out = Vec::new();
-    let mut from = 0;
-    for k in 1..=t_s.len() {
-        // A hundredth more forgives rounded stamps.
-        if k == t_s.len() || t_s[k] - t_s[from] > width_s * 0.99 {
-            out.push(from..k);
-            from = k;
-        }
-    }
-    out
-}
-
 fn readings(joints: &Joints, joint: usize, sensors: &Sensors, merge_s: f64) -> Vec<Reading> {
     let angle = joints.q_rad.get(joint).map(|q| unwrapped(q));
     let rate = joints.qd_rad_s.get(joint);
@@ -164,14 +133,6 @@ fn readings(joints: &Joints, joint: usize, sensors: &Sensors, merge_s: f64) -> V
     };
     let all = groups(&joints.t_s, merge_s).into_iter().map(merged);
     all.filter(|r| r.angle.is_some() || r.rate.is_some()).collect()
-}
-
-/// Mean of the numbers among some rows, and how many they are.
-pub(super) fn mean(values: &[f64], rows: &std::ops::Range<usize>) -> Option<(f64, f64)> {
-    let within = values.get(rows.start..rows.end.min(values.len()))?;
-    let known = within.iter().filter(|v| v.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-    (count > 0.0).then_some((sum / count, count))
 }
 
 /// Longest lag of a servo behind its command that is looked for, s.
@@ -230,21 +191,4 @@ fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]
         Track::new(grid_s.first().copied().unwrap_or(0.0), NODE_S, nodes)
     };
     Some([track(0), track(1), track(2)])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn turns_are_counted_and_gaps_bridged() {
-        let angles = unwrapped(&[3.0, f64::NAN, -3.1, -3.0, 3.1]);
-        assert!((angles[2] - (TAU - 3.1)).abs() < 1e-12 && (angles[4] - 3.1).abs() < 1e-12, "{angles:?}");
-    }
-
-    #[test]
-    fn close_rows_are_grouped() {
-        assert_eq!(groups(&[0.0, 0.001, 0.0049, 0.005, 0.2], 0.005), vec![0..3, 3..4, 4..5]);
-        assert!(groups(&[], 0.005).is_empty());
-    }
 }

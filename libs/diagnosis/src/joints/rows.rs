@@ -1,6 +1,7 @@
 //! Which numbers a run measured of its joints, in order of time.
 
-use super::path::{MeasuredPath, groups, mean, unwrapped};
+use super::path::MeasuredPath;
+use super::telemetry::{groups, interval_s, is_driven, mean, unwrapped};
 use fss_identify::measured::{Drive, Poses, Run};
 use fss_plant::Plant;
 use std::ops::Range;
@@ -42,22 +43,6 @@ const SERVO_BIN_S: f64 = 0.04;
 const SWING_BIN_S: f64 = 0.01;
 /// The same of end-effector poses where telemetry is slow, s.
 const LONGEST_TIP_BIN_S: f64 = 0.1;
-/// Telemetry at least this fast tells how the known torques move the arm, Hz.
-const SWING_RATE_HZ: f64 = 50.0;
-
-/// Whether the joints' torques are known all the time, so that the motion follows from them.
-pub(super) fn is_driven(run: &Run) -> bool {
-    let fast = run.joints.as_ref().is_some_and(|j| interval_s(&j.t_s) * SWING_RATE_HZ <= 1.01);
-    run.drive != Drive::Servo && fast
-}
-
-fn interval_s(t_s: &[f64]) -> f64 {
-    match t_s {
-        [first, .., last] => (last - first) / (t_s.len() - 1) as f64,
-        _ => f64::INFINITY,
-    }
-}
-
 /// All rows of a run, in order of time.
 pub(super) fn rows(plant: &Plant, run: &Run, path: &MeasuredPath) -> Vec<Row> {
     let Some(joints) = &run.joints else { return Vec::new() };
