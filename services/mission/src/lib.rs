@@ -9,6 +9,7 @@
 //! [`MissionService::resumed`] goes on in the same phase by that phase's clock. Meanwhile base and arm see `/mission/state`
 //! age, and do the safe thing when it is too old.
 
+mod config;
 mod error;
 mod file;
 mod goals;
@@ -17,6 +18,7 @@ mod sight;
 mod target;
 mod trouble;
 
+pub use config::MissionConfig;
 pub use error::MissionError;
 pub use file::{ArmGoal, BaseGoal, Condition, Draw, Initial, Mission, Phase, Pulse, Ranges, Sine, TargetBody, Until};
-pub use service::{Inputs, MissionConfig, MissionService, Outputs};
+pub use service::{Inputs, MissionService, Outputs};

@@ -1,24 +1,19 @@
 //! The launcher: starts the services of a launch file as processes, watches them, restarts what dies, stops them in order.
 
 use super::limits::LimitWatch;
-use super::notify::{self, Systemd};
+use super::member::{FIRST_PAUSE, Member, Site};
+use super::notify::Systemd;
 use super::stack::Stack;
-use crate::files::this_program;
-use fss_bus::launch::Schedule;
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
 use fss_mission::MissionService;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rustix::process::setpriority_process;
-use std::collections::BTreeMap;
-use std::io::Read;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::PathBuf;
-use std::process::{Child, ExitStatus, Stdio};
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use zerocopy::IntoBytes;
 
 /// Of the launcher and of services without a real-time priority, and of all while they start.
 const NICE: i32 = -10;
@@ -27,8 +22,6 @@ const WATCH_PERIOD: Duration = Duration::from_millis(5);
 /// A service that ends by itself so often before its first sign of life cannot start: the run is given up, with its reason.
 /// Once is not enough: a host that stands still for a second can part any two processes that make a topic together.
 const START_TRIES: u32 = 2;
-/// First pause before a restart; it doubles with each restart of the same service.
-const FIRST_PAUSE: Duration = Duration::from_millis(10);
 /// Longest pause before a restart.
 const LONGEST_PAUSE: Duration = Duration::from_millis(500);
 /// A start that ends within this time did not work; one that lived longer did, and its next pause is the first again.
@@ -49,9 +42,6 @@ const OUTLASTING: [&str; 2] = ["recorder", "lab"];
 const SPARED: [&str; 3] = ["recorder", "ground", BRIDGE];
 /// A flight begins without it, too.
 const BRIDGE: &str = "bridge";
-/// How long a service may take to stop before it is killed.
-pub(super) const STOP_TIME: Duration = Duration::from_secs(3);
-
 /// How a run of processes ended.
 #[derive(Debug, Default)]
 pub struct Flown {
@@ -63,35 +53,6 @@ pub struct Flown {
     pub interrupted: bool,
     /// What iceoryx2 still held of dead processes when all had ended.
     pub dead_nodes_removed: usize,
-}
-
-/// Where and as what the children run.
-pub struct Site {
-    /// The run's folder, with plant.toml, launch.toml and mission.toml.
-    pub folder: PathBuf,
-    /// Prefix of the stack in shared memory.
-    pub bus_prefix: String,
-    /// Seed of the simulated laboratory.
-    pub seed: u64,
-    /// The processes that live, by their services' names.
-    pub processes: Arc<Mutex<BTreeMap<String, u32>>>,
-}
-
-/// One supervised process.
-struct Member {
-    schedule: Schedule,
-    child: Option<Child>,
-    said: Arc<Mutex<String>>,
-    started: Instant,
-    starts: u32,
-    restart_at: Option<Instant>,
-    pause: Duration,
-    /// Its last sign of life since its last start.
-    heard: Option<Instant>,
-    /// Whether it ever gave one.
-    has_lived: bool,
-    /// Starts in a row that did not work.
-    stillborn: u32,
 }
 
 /// Flies the stack as processes until its mission ends or `stop` is set; calls `progress` now and then.
@@ -337,103 +298,5 @@ impl<'a> Supervisor<'a> {
 impl Drop for Supervisor<'_> {
     fn drop(&mut self) {
         self.stop_all();
-    }
-}
-
-impl Member {
-    fn new(schedule: Schedule) -> Self {
-        Self {
-            schedule,
-            child: None,
-            said: Arc::default(),
-            started: Instant::now(),
-            starts: 0,
-            restart_at: None,
-            pause: FIRST_PAUSE,
-            heard: None,
-            has_lived: false,
-            stillborn: 0,
-        }
-    }
-
-    /// Starts its process; a mission goes on from `last`, what was published of it last.
-    fn start(&mut self, site: &Site, last: Option<&MissionState>) -> Result<()> {
-        let name = self.schedule.name.get_ref();
-        self.starts += 1;
-        self.started = Instant::now();
-        self.restart_at = None;
-        self.heard = None;
-        let mut command = this_program();
-        if name == "lab" {
-            command.arg("lab");
-        } else {
-            command.arg("service").arg(name);
-        }
-        command
-            .arg("--supervised")
-            .arg("--run")
-            .arg(&site.folder)
-            .arg("--bus")
-            .arg(&site.bus_prefix)
-            .arg("--seed")
-            .arg(site.seed.to_string())
-            .arg("--starts")
-            .arg(self.starts.to_string())
-            .env_remove(notify::SOCKET_VARIABLE)
-            // A child hears of its launcher's death by the end of its standard input, and of Ctrl-C only through it.
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .process_group(0);
-        if let Some(last) = last {
-            command.arg("--resume").arg(hex::encode(last.as_bytes()));
-        }
-        let mut child = command.spawn().into_diagnostic().wrap_err_with(|| format!("cannot start service '{name}'"))?;
-        if let Some(mut stderr) = child.stderr.take() {
-            let said = self.said.clone();
-            std::thread::spawn(move || {
-                let mut buffer = [0; 4096];
-                while let Ok(n @ 1..) = stderr.read(&mut buffer) {
-                    let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
-                    said.push_str(&String::from_utf8_lossy(&buffer[..n]));
-                }
-            });
-        }
-        site.processes.lock().unwrap_or_else(PoisonError::into_inner).insert(name.clone(), child.id());
-        self.child = Some(child);
-        Ok(())
-    }
-
-    /// Its exit status, once, if it has ended.
-    fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
-        let Some(child) = &mut self.child else { return Ok(None) };
-        let status = child.try_wait()?;
-        if status.is_some() {
-            self.child = None;
-            std::thread::sleep(Duration::from_millis(20)); // let its last words arrive
-        }
-        Ok(status)
-    }
-
-    fn ask_to_stop(&mut self) {
-        self.restart_at = None;
-        if let Some(child) = &mut self.child {
-            drop(child.stdin.take());
-        }
-    }
-
-    fn stop(&mut self) {
-        self.ask_to_stop();
-        let Some(mut child) = self.child.take() else { return };
-        let asked = Instant::now();
-        while asked.elapsed() < STOP_TIME {
-            if matches!(child.try_wait(), Ok(Some(_)) | Err(_)) {
-                return;
-            }
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        // It hangs: nothing is lost by killing it that waiting would save.
-        let _ = child.kill();
-        let _ = child.wait();
     }
 }

@@ -1,6 +1,7 @@
 //! A flight whose processes' time is taken.
 
-use super::launcher::{self, Site};
+use super::launcher;
+use super::member::Site;
 use super::stack::Stack;
 use super::{LOG_FILE, make_link_key, soak, stop_on_signal};
 use fss_messages::MissionState;

@@ -6,6 +6,7 @@ mod launcher;
 mod limits;
 mod listener;
 mod measured;
+mod member;
 mod notify;
 mod overruns;
 mod picture;
@@ -143,7 +144,7 @@ pub fn run(args: &RunArgs) -> Result<()> {
     if args.fast {
         fast::fly(&stack, stack.laboratory(), &folder.join(LOG_FILE), args.seed, show)?;
     } else {
-        let site = launcher::Site {
+        let site = member::Site {
             bus_prefix: format!("fss_{}_", std::process::id()),
             folder: folder.clone(),
             seed: args.seed,

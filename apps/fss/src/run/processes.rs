@@ -1,7 +1,8 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
 use super::SiteArgs;
-use super::launcher::{BIRTH_TIME, STOP_TIME};
+use super::launcher::BIRTH_TIME;
+use super::member::STOP_TIME;
 use super::stack::Stack;
 use super::{LOG_FILE, stop_on_signal};
 use crossbeam::queue::ArrayQueue;

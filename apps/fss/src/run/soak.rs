@@ -6,7 +6,8 @@
 mod logs;
 mod memory;
 
-use super::launcher::{self, Site};
+use super::launcher;
+use super::member::Site;
 use super::overruns::{Causes, Disturbances, Unexplained};
 use super::stack::Stack;
 use super::witness::{Testimony, Witness};
