@@ -1,7 +1,8 @@
 //! A whole run in one process on a virtual clock: the same cores, the same device bytes, as fast as the machine allows.
 
+use super::description::Description;
 use super::listener::Listener;
-use super::processes::{Description, start_of};
+use super::processes::start_of;
 use super::stack::Stack;
 use super::summary::Records;
 use fss_arm::{ArmConfig, ArmService};

@@ -1,5 +1,6 @@
 //! `fss run`, `fss service` and `fss lab`: flying a mission, in real time or as fast as the machine allows.
 
+mod description;
 pub mod fast;
 pub mod figures;
 mod launcher;

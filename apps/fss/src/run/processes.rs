@@ -1,6 +1,7 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
 use super::SiteArgs;
+use super::description::{Description, unix_time_ns};
 use super::launcher::BIRTH_TIME;
 use super::member::STOP_TIME;
 use super::stack::Stack;
@@ -15,7 +16,6 @@ use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Tim
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
-use fss_ground::urdf::urdf;
 use fss_ground::{Ground, GroundConfig};
 use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
@@ -25,17 +25,16 @@ use fss_mission::{Mission, MissionConfig, MissionService};
 use fss_multibody::State;
 use fss_plant::Plant;
 use fss_recorder::{Limits, Recorder};
-use fss_records::log::{LogError, LogWriter};
+use fss_records::log::LogWriter;
 use fss_thrusters::Thrusters;
 use fss_thrusters::device::{Driver, GpioLines, LaboratoryLine, Valves};
 use fss_wire::link::{Key, first_sequence};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 use zerocopy::FromBytes;
 
 /// What every process of a stack has.
@@ -175,55 +174,6 @@ fn log_name(starts: u32, part: u32) -> String {
         (_, 1) => format!("run-{starts}.mcap"),
         (1, _) => format!("run.part{part}.mcap"),
         _ => format!("run-{starts}.part{part}.mcap"),
-    }
-}
-
-/// The vehicle as viewers draw it, made from the plant file.
-const URDF_FILE: &str = "vehicle.urdf";
-
-/// What each log of a run says about it: the stack's files and the facts of the build and the host.
-pub struct Description {
-    files: Vec<(&'static str, String)>,
-    facts: BTreeMap<String, String>,
-}
-
-impl Description {
-    /// Of a stack on a clock, `real time` or `virtual`, and the seed of its simulated laboratory.
-    ///
-    /// # Errors
-    /// Where the computer's clocks cannot be read.
-    pub fn new(stack: &Stack, clock: &str, seed: u64) -> Result<Self> {
-        let mut facts = BTreeMap::from([
-            ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-            ("clock".to_owned(), clock.to_owned()),
-        ]);
-        if clock == "real time" {
-            let unix_ns = unix_time_ns()?;
-            let monotonic_ns = realtime::now().into_diagnostic()?.ns();
-            facts.insert("unix_minus_monotonic_ns".to_owned(), unix_ns.saturating_sub(monotonic_ns).to_string());
-            let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-            facts.insert("host".to_owned(), host.trim().to_owned());
-            let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-            facts.insert("kernel".to_owned(), kernel.trim().to_owned());
-        }
-        if stack.launch.schedule("lab").is_some() {
-            facts.insert("seed".to_owned(), seed.to_string());
-        }
-        let mut files = stack.attachments()?;
-        files.push((URDF_FILE, urdf(&stack.plant)));
-        Ok(Self { files, facts })
-    }
-
-    /// Puts it into a log.
-    ///
-    /// # Errors
-    /// Where the log refuses.
-    pub fn write_to(&self, log: &mut LogWriter) -> Result<(), LogError> {
-        for (name, text) in &self.files {
-            let media_type = if *name == URDF_FILE { "application/xml" } else { "application/toml" };
-            log.attach(name, media_type, text)?;
-        }
-        log.metadata("fss", self.facts.clone())
     }
 }
 
@@ -403,12 +353,6 @@ fn read_key(path: &Path) -> Result<Key> {
     }
     let secret = std::fs::read(path).into_diagnostic().wrap_err_with(say)?;
     Key::new(&secret).into_diagnostic().wrap_err_with(say)
-}
-
-fn unix_time_ns() -> Result<u64> {
-    let since =
-        SystemTime::now().duration_since(UNIX_EPOCH).into_diagnostic().wrap_err("the calendar clock is unset")?;
-    Ok(since.as_nanos() as u64)
 }
 
 /// Sets `stop` when standard input ends: the launcher's word, or its death. A process that cannot leave is killed by its
