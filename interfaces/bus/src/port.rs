@@ -78,7 +78,7 @@ impl<T: Sample> Sink<T> {
     }
 }
 
-/// What a port had for a step, as the step's record names it ([`Step`]).
+/// What a port had for a step, as the step's record names it ([`Step`](fss_messages::Step)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
     /// Sequence of the sample in hand, 0 for none; of a port that takes several at once, how many came.
