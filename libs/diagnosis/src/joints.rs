@@ -31,6 +31,7 @@ mod track;
 
 use crate::block::{Block, HyperParameter};
 use fss_estimation::Columns;
+use fss_identify::commands::Commands;
 use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Plant, Servo};
@@ -48,6 +49,8 @@ const TYPICAL_ACCELERATION: f64 = 1.0;
 const TYPICAL_RATE: f64 = 0.5;
 /// Half of the time over which a command's acceleration is averaged, s.
 const ACTIVITY_S: f64 = 0.3;
+/// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
+const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// Fewer moments than this cannot hold an initial state and say anything.
 const FEWEST_MOMENTS: usize = 4;
 
@@ -109,7 +112,8 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     if nominal.iter().chain(&averaging).any(|v| !v.is_finite()) {
         return None;
     }
-    let model = noise_model(plant, run, &path, &rows, slopes);
+    let mut model = noise_model(plant, run, &path, &rows, slopes);
+    uncertain_arrivals(&path, &rows, &mut model);
     let beside = read_motion(&rows, &model, |joint, stamp_s| path.deviation(joint, stamp_s));
     let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
@@ -162,6 +166,37 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slop
         activity,
         interval_s: median_interval(&moments),
         any_acceleration: any_acceleration(path),
+        arrival_s: datagrams(run, plant).map(arrival_time),
+    }
+}
+
+/// What datagrams told each joint, and when they arrived; `None` where the run has none, or none that change anything.
+fn datagrams<'a>(run: &'a Run, plant: &Plant) -> Option<&'a Commands> {
+    run.commands.as_ref().filter(|c| c.joints.len() == plant.link_count() && c.joints.iter().any(|j| j.len() > 1))
+}
+
+/// Correlation time of how late datagrams arrive, s: half of the interval at which another one comes.
+fn arrival_time(commands: &Commands) -> f64 {
+    let most = commands.joints.iter().max_by_key(|joint| joint.len());
+    let times: Vec<f64> = most.into_iter().flatten().map(|(t_s, _)| *t_s).collect();
+    0.5 * median_interval(&times)
+}
+
+/// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
+fn uncertain_arrivals(path: &MeasuredPath, rows: &[Row], model: &mut NoiseModel) {
+    let Some(reference) = path.reference.as_ref().filter(|_| model.arrival_s.is_some()) else { return };
+    for joint in 0..model.links {
+        let later = |j: usize, stamp_s: f64| {
+            if j != joint {
+                return [0.0; 3];
+            }
+            let before = reference[j].at(stamp_s - ARRIVAL_SD_S);
+            let now = reference[j].at(stamp_s);
+            std::array::from_fn(|i| before[i] - now[i])
+        };
+        for (slopes, by) in read_mixed(rows, model, later).into_iter().enumerate() {
+            model.slopes[slopes].arrival.push(by);
+        }
     }
 }
 
@@ -188,6 +223,18 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
 
 /// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
 fn read_motion(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
+    let mut out = read_mixed(rows, model, motion);
+    // The end-effector's rows are mixed in the slopes: back to plain ones.
+    for k in 0..rows.len() {
+        if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &model.slopes[k].mix) {
+            out[k] -= (0..axis).map(|c| mix[c] * out[k - axis + c]).sum::<f64>();
+        }
+    }
+    out
+}
+
+/// The same of rows whose end-effector's are mixed ([`noise::Slopes::mix`]).
+fn read_mixed(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
     // Rows are means over their samples: so is the motion.
     let mean = |row: &Row, joint: usize| -> [f64; 3] {
         let count = row.stamps_s.len().max(1) as f64;
@@ -199,14 +246,7 @@ fn read_motion(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> 
         let states = states(row);
         slopes.motion.iter().map(|(state, c)| c * states[*state]).sum()
     };
-    let mut out: Vec<f64> = rows.iter().zip(&model.slopes).map(read).collect();
-    // The end-effector's rows are mixed in the slopes: back to plain ones.
-    for k in 0..rows.len() {
-        if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &model.slopes[k].mix) {
-            out[k] -= (0..axis).map(|c| mix[c] * out[k - axis + c]).sum::<f64>();
-        }
-    }
-    out
+    rows.iter().zip(&model.slopes).map(read).collect()
 }
 
 /// What the rows change by with the logarithm of each gain of each joint's servo.

@@ -1,7 +1,8 @@
 //! The state-space model of what the joints' channels have in common beside the prediction.
 //!
 //! States: each joint's angle, rate and acceleration beside the reference; a torque of unit variance on each link and one in
-//! each drive; three of unit variance that displace the end-effector. The motion of an arm that follows commands is smooth
+//! each drive; three of unit variance that displace the end-effector; and of each joint that datagrams command how late they
+//! arrive, of unit variance, constant from one to the next. The motion of an arm that follows commands is smooth
 //! (acceleration of inferred strength); that of an arm whose torques are known all the time is anything, and its torques tell
 //! what it is.
 
@@ -22,6 +23,8 @@ const LEAST_TORQUE: f64 = 1e-6;
 pub(super) struct Slopes {
     /// By the states of the motion: index 3 joint + (angle, rate, acceleration).
     pub(super) motion: Vec<(usize, f64)>,
+    /// By one standard deviation of the arrival of each joint's datagrams; empty where none command it.
+    pub(super) arrival: Vec<f64>,
     /// By the torque in the row's joint: N m of the torque scale in units of the row.
     pub(super) torque: f64,
     /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.
@@ -52,6 +55,8 @@ pub(super) struct NoiseModel {
     pub(super) any_acceleration: f64,
     /// Usual interval between telemetry rows, s.
     pub(super) interval_s: f64,
+    /// Correlation time of the datagrams' arrivals, s; `None` without datagrams.
+    pub(super) arrival_s: Option<f64>,
 }
 
 /// Places of the states.
@@ -59,6 +64,8 @@ struct Places {
     link: Vec<Option<usize>>,
     drive: Vec<Option<usize>>,
     tip: Option<usize>,
+    /// Of the first joint's arrivals; the other joints' follow.
+    arrival: usize,
     count: usize,
 }
 
@@ -73,8 +80,9 @@ impl NoiseModel {
         let link = self.sensed.iter().map(|s| next(*s)).collect();
         let drive = self.powered.iter().map(|p| next(*p)).collect();
         let tip = next(self.has_tip);
-        let count = if self.has_tip { count + 2 } else { count };
-        Places { link, drive, tip, count }
+        let arrival = if self.has_tip { count + 2 } else { count };
+        let count = arrival + if self.arrival_s.is_some() { self.links } else { 0 };
+        Places { link, drive, tip, arrival, count }
     }
 
     /// Whitens columns with these hyper-parameters, whose rows of the end-effector are mixed ([`Slopes::mix`]).
@@ -138,9 +146,11 @@ impl NoiseModel {
                 }
             }
         }
-        let (kept, new) = ((-dt_s / hyper.torque_s).exp(), -(-2.0 * dt_s / hyper.torque_s).exp_m1());
-        transition.extend((3 * self.links..n).map(|i| (i, i, kept)));
-        noise.extend((3 * self.links..n).map(|i| (i, i, new)));
+        for i in 3 * self.links..n {
+            let time_s = self.arrival_s.filter(|_| i >= places.arrival).unwrap_or(hyper.torque_s);
+            transition.push((i, i, (-dt_s / time_s).exp()));
+            noise.push((i, i, -(-2.0 * dt_s / time_s).exp_m1()));
+        }
     }
 
     /// The states that a row measures and the variance of its noise.
@@ -154,6 +164,8 @@ impl NoiseModel {
         let slopes = &self.slopes[k];
         states.clear();
         states.extend_from_slice(&slopes.motion);
+        let arrivals = slopes.arrival.iter().enumerate().map(|(joint, slope)| (places.arrival + joint, *slope));
+        states.extend(arrivals.filter(|(_, slope)| *slope != 0.0));
         let (noise, torque) = (row.noise, slopes.torque);
         let variance = match row.kind {
             Kind::Angle(_) => (noise * hyper.noise[0]).powi(2),
