@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 const NOISY: f64 = 1.2;
 /// Mean square of the gyro over its expectation beyond which links may swing on their drives, and that is asked.
 const RESTLESS: f64 = 2.0;
-/// The same beyond which something shakes the base, whether anybody knows what: servos of sound arms leave up to 4.3 in blind games,
-/// drives so soft that their links swing up to 81.
+/// The same beyond which something shakes the base, whether anybody knows what. The windows take an arm to move smoothly between two
+/// reports; what sound servos do there is left in the gyro at some times its noise.
 const SHAKEN: f64 = 8.0;
 pub(crate) const GYRO: &str = "gyro";
 

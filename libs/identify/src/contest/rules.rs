@@ -15,11 +15,11 @@ const LEAST_GAIN_AT_BASE: f64 = 30.0;
 const LEAST_GAIN_OF_ONSET: f64 = 100.0;
 /// A cause within so many of the deviations that go without saying is not worth a name.
 const WORTH_SAYING: f64 = 3.0;
-/// Nor is an elastic drive stiffer than this, rad/(N m): on a light base, which feels its arm more, reports that flatten an arm's
-/// accelerations looked like one of 1250 N m/rad in blind games (377 and 430).
+/// Nor is an elastic drive stiffer than this, rad/(N m). Motion between reports is interpolated, which flattens accelerations; on a
+/// light base that looks like a stiff elastic drive.
 const LEAST_COMPLIANCE_RAD_N_M: f64 = 9e-4;
-/// Nor play narrower than this, rad: drives so soft that their links swing looked like 0.54 to 0.63 mrad of it in three blind
-/// games (781, 789 and 844), play of 1 mrad like 0.67 to 1.1 in nine.
+/// Nor play narrower than this, rad: the windows have no state for a link that swings on its drive, and such a swing looks like some
+/// tenths of a milliradian of play.
 const LEAST_PLAY_RAD: f64 = 6.5e-4;
 /// Nor a kinematic error of fewer periods a turn than this: over what a joint sweeps it is an offset and a scale of its encoder.
 const FEWEST_CYCLES: f64 = 0.8;

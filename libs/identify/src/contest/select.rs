@@ -20,8 +20,8 @@ const MOST_OF_A_KIND: usize = 2;
 /// The same where each refit is dear, because every window's motion must be fitted anew.
 const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
-/// How many of its standard deviations one of several causes must be away from nothing. In blind games companions that were
-/// not there stood up to five away.
+/// How many of its standard deviations one of several causes must be away from nothing. The deviations take residuals for independent
+/// between windows, which those of a wrong model are not.
 const LEAST_CLEARNESS: f64 = 6.0;
 
 /// A cause that was taken, and what else it could be.

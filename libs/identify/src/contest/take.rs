@@ -61,8 +61,7 @@ impl Contest {
     }
 
     /// Linearizes anew around causes: these, the best of the screen there, and what looks like them and comes in small for nothing.
-    /// A millisecond of a clock does; linear far away, the difference of that and of a latency was one more shape to fit with, and
-    /// by what the one then was less than nothing the other was too large: 1.2 to 2.4 ms in blind games.
+    /// A millisecond of a clock does: linear far away, its difference from a latency would be one more shape to fit with.
     fn centre_near(&mut self, around: &Refined) -> Result<(), ModelError> {
         let near = self.screen(&around.residuals, &around.hypotheses).into_iter().take(ASKED_ANEW);
         let on_their_lines = (0..self.hypotheses.len()).filter(|h| self.is_on_exchanged_line(*h, &around.effects));

@@ -13,22 +13,20 @@ const TEMPER: f64 = 4.0;
 /// Nobody is surer than this.
 const SUREST: f64 = 0.99;
 /// Standard deviations away from nothing at which a cause is there or not with even chances, and over which doubt falls to
-/// a third. In blind games (`fss challenge`) what was named and not there stood 3 to 5 away, what was there 6 and more.
+/// a third: residuals of a wrong model are alike over longer times than a window, so that deviations are stated too small.
 const EVEN_CHANCE: f64 = 3.0;
 const DOUBT_FALLS: f64 = 2.5;
-/// How many times further off than their rows say parameters are, since the model is never the laboratory. Chosen on the misses
-/// of the blind games 1 to 300, of which it should have let some 88 in a hundred intervals hold; in the games 301 to 600, 84 did.
+/// How many times further off than their rows say parameters are, since the model is never the laboratory: this engine has no
+/// discrepancy that would say so.
 const OFF_BY: f64 = 1.3;
 /// What a stroke of play does hangs on how its link comes back from the teeth, which nothing tells, and strokes that are looked
-/// for at a wrong time seem small: in 40 blind games play came out a seventh too narrow, and is known to this share at best.
+/// for at a wrong time seem small. Play is known to this share at best.
 const STROKE_SHARE: f64 = 0.2;
-/// How a link swings hangs on its servo too, and on how that takes up its commands: in blind games stiffness came out 1 to 3 % off,
-/// and is known to this share at best.
+/// How a link swings hangs on its servo too, whose gains are taken as exact. Stiffness is known to this share at best.
 const SWING_SHARE: f64 = 0.03;
 /// Where a log tells what links were told, their fast motion follows that, and a latency of telemetry moves the slow one alone. When
-/// commands arrive (2 to 8 ms over the radio) and how servos follow them then counts many times: in 20 blind games latencies of links
-/// came out 1.5 ms off. What is timed against the arm hangs on that too: clocks and latencies of motion capture came out 1.0 ms off in
-/// eight games, and 2.0 ms at most.
+/// commands arrive (2 to 8 ms over the radio) and how servos follow them then counts many times: they are taken as exact.
+/// What is timed against the arm hangs on that too.
 pub(super) const LATENCY_BESIDE_COMMANDS_S: f64 = 1.5e-3;
 
 impl Contest {
