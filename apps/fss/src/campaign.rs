@@ -13,9 +13,10 @@ mod sweep;
 
 use crate::challenge::parse_seeds;
 use crate::files::write_silently;
-use crate::run::{fly_fast, stop_on_signal};
+use crate::run::fly_fast;
 use clap::Args;
 use definition::{Campaign, TABLES, Wanted};
+use fss_service::stop_on_signal;
 use indicatif::{ProgressBar, ProgressStyle};
 use journal::Journal;
 use miette::{IntoDiagnostic, Result, miette};

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use fss_plant::Plant;
-use miette::{Diagnostic, IntoDiagnostic, NamedSource, Report, Result, SourceSpan, WrapErr};
+use miette::{Diagnostic, IntoDiagnostic, NamedSource, Report, Result, SourceSpan, WrapErr, miette};
 use serde::Serialize;
 use std::ops::Range;
 use std::os::unix::process::CommandExt;
@@ -106,4 +106,18 @@ pub fn this_program() -> Command {
     let mut command = Command::new("/proc/self/exe");
     command.arg0("fss");
     command
+}
+
+/// The program of a service that is one of its own: it lies beside this one.
+///
+/// # Errors
+/// Where it does not, with how to build it.
+pub fn program_of(service: &str) -> Result<PathBuf> {
+    let own = std::env::current_exe().into_diagnostic().wrap_err("cannot tell where this program lies")?;
+    let path = own.with_file_name(format!("fss-{service}"));
+    if path.is_file() {
+        return Ok(path);
+    }
+    let help = format!("`cargo build --release -p fss-{service}` makes it, beside fss; the Debian package has it");
+    Err(miette!(help = help, "the service '{service}' is a program of its own, and {} is not there", path.display()))
 }

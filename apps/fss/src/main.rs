@@ -91,7 +91,7 @@ enum Command {
 fn main() -> miette::Result<ExitCode> {
     let words = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
     let words = words.with_filter(EnvFilter::from_default_env());
-    tracing_subscriber::registry().with(words).with(fss_ground::overflow_layer()).init();
+    tracing_subscriber::registry().with(words).init();
     match Cli::parse().command {
         Command::Run(args) => run::run(&args),
         Command::Campaign(args) => campaign::run(&args),

@@ -14,7 +14,7 @@ pub struct UrdfArgs {
 
 /// Prints it.
 pub fn run(args: &UrdfArgs) -> Result<()> {
-    let urdf = fss_ground::urdf::urdf(&read_plant(&args.plant)?);
+    let urdf = fss_plant::urdf::urdf(&read_plant(&args.plant)?);
     say_part!("{urdf}");
     Ok(())
 }

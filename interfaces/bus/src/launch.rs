@@ -185,6 +185,16 @@ impl Schedule {
     }
 }
 
+/// The services that a launch file may name.
+pub const SERVICES: &[&str] =
+    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", GROUND, BRIDGE];
+/// The service that shows the stack to viewers.
+pub const GROUND: &str = "ground";
+/// The service that speaks with other vehicles.
+pub const BRIDGE: &str = "bridge";
+/// Services that are programs of their own, `fss-NAME`: what they depend on is heavy.
+pub const PROGRAMS: &[&str] = &[GROUND, BRIDGE];
+
 /// Why a launch file is refused.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]

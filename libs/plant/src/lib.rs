@@ -46,6 +46,7 @@ mod simulation;
 mod thrust;
 mod thruster;
 mod truth;
+pub mod urdf;
 mod valves;
 
 pub use check::MAX_LINKS;

@@ -5,11 +5,11 @@ use crate::cdr::Cdr;
 use crate::downlink::{at, ros_channel};
 use crate::ros;
 use crate::topics::AllTopics;
-use crate::urdf::{ARM_HEIGHT_M, BASE, END_EFFECTOR, joint_name, joint_origin, link_name, urdf};
 use foxglove::{Context, RawChannel};
 use fss_bus::{Bus, Time};
 use fss_messages::{LinksState, MAX_LINKS, MissionState, NavState, topic};
 use fss_plant::Plant;
+use fss_plant::urdf::{ARM_HEIGHT_M, BASE, END_EFFECTOR, joint_name, joint_origin, link_name, urdf};
 use std::sync::Arc;
 
 /// Name of the table's frame: its origin is the middle of the granite.

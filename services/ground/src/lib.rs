@@ -2,7 +2,7 @@
 //!
 //! One process beside the flight serves every topic of the stack over the Foxglove WebSocket protocol, raw: the bytes in
 //! shared memory, with the schemas that the log has. To that it adds what three-dimensional views want: `/tf`,
-//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`urdf`]) and `/scene` (table,
+//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`fss_plant::urdf`]) and `/scene` (table,
 //! plumes, target).
 //!
 //! Where it is told to take commands ([`GroundConfig::commands`], on the loopback only), viewers tune parameters within their
@@ -23,7 +23,6 @@ mod scene;
 mod server;
 mod topics;
 mod uplink;
-pub mod urdf;
 
 pub use overflow::overflow_layer;
 pub use server::{GroundConfig, GroundError};

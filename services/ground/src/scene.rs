@@ -3,7 +3,6 @@
 use crate::downlink::at;
 use crate::frames::{TABLE, TARGET, vehicle_prefix};
 use crate::topics::AllTopics;
-use crate::urdf::{ARM_HEIGHT_M, BASE};
 use foxglove::messages::{
     Color, CylinderPrimitive, Duration, LinePrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate, Timestamp,
     TriangleListPrimitive, Vector3, line_primitive,
@@ -12,6 +11,7 @@ use foxglove::{Channel, ChannelBuilder, Context};
 use fss_bus::{Bus, Time};
 use fss_messages::topic;
 use fss_plant::Plant;
+use fss_plant::urdf::{ARM_HEIGHT_M, BASE};
 use std::sync::Arc;
 
 /// Between two pictures of the plumes, ns.

@@ -2,7 +2,8 @@
 
 use super::sweep::{Sweep, SweptValue};
 use crate::files::write_silently;
-use crate::run::stack::{LABORATORY_FILE, LAUNCH_FILE, MISSION_FILE, PLANT_FILE, Stack};
+use crate::run::stack::{LABORATORY_FILE, Stack};
+use fss_service::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;

@@ -3,7 +3,7 @@
 use super::stack::Stack;
 
 use fss_bus::realtime;
-use fss_ground::urdf::urdf;
+use fss_plant::urdf::urdf;
 use fss_records::log::{LogError, LogWriter};
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::collections::BTreeMap;

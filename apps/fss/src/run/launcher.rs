@@ -4,6 +4,8 @@ use super::limits::LimitWatch;
 use super::member::{FIRST_PAUSE, Member, Site};
 use super::notify::Systemd;
 use super::stack::Stack;
+use crate::files::program_of;
+use fss_bus::launch::{BRIDGE, GROUND, PROGRAMS};
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
 use fss_mission::MissionService;
@@ -39,9 +41,8 @@ const MOVERS: [&str; 3] = ["mission", "base", "arm"];
 /// They end after the flight's services: the world in which these act, and the log of what they do.
 const OUTLASTING: [&str; 2] = ["recorder", "lab"];
 /// The flight goes on without them, whatever happens to them.
-const SPARED: [&str; 3] = ["recorder", "ground", BRIDGE];
-/// A flight begins without it, too.
-const BRIDGE: &str = "bridge";
+const SPARED: [&str; 3] = ["recorder", GROUND, BRIDGE];
+
 /// How a run of processes ended.
 #[derive(Debug, Default)]
 pub struct Flown {
@@ -60,6 +61,9 @@ pub struct Flown {
 /// # Errors
 /// Where a service cannot start; whatever happens, no process and no shared memory is left behind.
 pub fn fly(stack: &Stack, site: &Site, stop: &AtomicBool, mut progress: impl FnMut(&MissionState)) -> Result<Flown> {
+    for service in PROGRAMS.iter().filter(|name| stack.launch.schedule(name).is_some()) {
+        program_of(service)?;
+    }
     fss_bus::remove_stale_stacks().into_diagnostic()?;
     // What supervises, starts and records goes before other people's work; where that is refused, beside it.
     let _beside = setpriority_process(None, NICE);

@@ -3,8 +3,9 @@
 use super::launcher;
 use super::member::Site;
 use super::stack::Stack;
-use super::{LOG_FILE, make_link_key, soak, stop_on_signal};
+use super::{LOG_FILE, make_link_key, soak};
 use fss_messages::MissionState;
+use fss_service::stop_on_signal;
 use miette::{IntoDiagnostic, Result, miette};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

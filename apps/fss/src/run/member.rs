@@ -4,6 +4,7 @@ use super::notify;
 use crate::files::this_program;
 use fss_bus::launch::Schedule;
 use fss_messages::MissionState;
+use fss_service::{STOP_TIME, SiteArgs};
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -16,8 +17,6 @@ use zerocopy::IntoBytes;
 
 /// First pause before a restart; it doubles with each restart of the same service.
 pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(10);
-/// How long a service may take to stop before it is killed.
-pub(super) const STOP_TIME: Duration = Duration::from_secs(3);
 
 /// Where and as what the children run.
 pub struct Site {
@@ -77,25 +76,22 @@ impl Member {
         } else {
             command.arg("service").arg(name);
         }
+        let arguments = SiteArgs {
+            run: site.folder.clone(),
+            bus: site.bus_prefix.clone(),
+            seed: site.seed,
+            starts: self.starts,
+            resume: last.map(|last| hex::encode(last.as_bytes())),
+            supervised: true,
+        };
         command
-            .arg("--supervised")
-            .arg("--run")
-            .arg(&site.folder)
-            .arg("--bus")
-            .arg(&site.bus_prefix)
-            .arg("--seed")
-            .arg(site.seed.to_string())
-            .arg("--starts")
-            .arg(self.starts.to_string())
+            .args(arguments.to_arguments())
             .env_remove(notify::SOCKET_VARIABLE)
             // A child hears of its launcher's death by the end of its standard input, and of Ctrl-C only through it.
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .process_group(0);
-        if let Some(last) = last {
-            command.arg("--resume").arg(hex::encode(last.as_bytes()));
-        }
         let mut child = command.spawn().into_diagnostic().wrap_err_with(|| format!("cannot start service '{name}'"))?;
         if let Some(mut stderr) = child.stderr.take() {
             let said = self.said.clone();

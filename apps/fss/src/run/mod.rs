@@ -27,6 +27,7 @@ use fss_calibration::Calibration;
 use fss_lab::Faults;
 use fss_messages::MissionState;
 use fss_records::log::Log;
+use fss_service::{SiteArgs, stop_on_signal};
 use indicatif::{ProgressBar, ProgressStyle};
 pub use measured::{Measured, measured_flight, time_of_process_ns};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -36,7 +37,6 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use summary::Records;
 pub use summary::Summary;
 
@@ -90,29 +90,6 @@ pub struct ServiceArgs {
 pub struct LabArgs {
     #[command(flatten)]
     site: SiteArgs,
-}
-
-/// Where a single process finds its stack.
-#[derive(Args)]
-pub struct SiteArgs {
-    /// Folder of the run: holds launch.toml, plant.toml and mission.toml, and receives what the process writes.
-    #[arg(long, value_name = "DIR", default_value = ".")]
-    run: PathBuf,
-    /// Prefix of the stack in shared memory.
-    #[arg(long, default_value = "fss_")]
-    bus: String,
-    /// Seed of everything random in the simulated laboratory; the recorder notes it.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// How often this process has been started in this run.
-    #[arg(long, default_value_t = 1, hide = true)]
-    starts: u32,
-    /// What the process before it published last, in hexadecimal digits: the mission goes on from there.
-    #[arg(long, hide = true)]
-    resume: Option<String>,
-    /// Stop when standard input ends, as the launcher wants it.
-    #[arg(long, hide = true)]
-    supervised: bool,
 }
 
 /// Mean time between two faults that a seed draws, s.
@@ -251,15 +228,6 @@ fn make_link_key(stack: &Stack, folder: &Path) -> Result<()> {
         .wrap_err_with(say)?;
     let file = File::options().write(true).create_new(true).mode(0o600).open(&path);
     file.and_then(|mut file| file.write_all(&secret)).into_diagnostic().wrap_err_with(say)
-}
-
-/// A flag that Ctrl-C and termination set.
-pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register(signal, stop.clone()).into_diagnostic()?;
-    }
-    Ok(stop)
 }
 
 fn progress_bar(stack: &Stack, quiet: bool) -> ProgressBar {

@@ -1,22 +1,18 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
-use super::SiteArgs;
+use super::LOG_FILE;
 use super::description::{Description, unix_time_ns};
 use super::launcher::BIRTH_TIME;
-use super::member::STOP_TIME;
 use super::stack::Stack;
-use super::{LOG_FILE, stop_on_signal};
-use crossbeam::queue::ArrayQueue;
+use crate::files::program_of;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
-use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, SAID_QUEUE, device::Network};
 use fss_bus::health::{Monitor, REPORT_PERIOD_NS};
-use fss_bus::launch::{Launch, Schedule};
-use fss_bus::{Bus, Output, OutputPort, Queue, Runner, Service, SharedConfig, Time, process, realtime};
+use fss_bus::launch::PROGRAMS;
+use fss_bus::{Output, OutputPort, Time, realtime};
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
-use fss_ground::{Ground, GroundConfig};
 use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
@@ -26,61 +22,36 @@ use fss_multibody::State;
 use fss_plant::Plant;
 use fss_recorder::{Limits, Recorder};
 use fss_records::log::LogWriter;
+use fss_service::{Site, SiteArgs};
 use fss_thrusters::Thrusters;
 use fss_thrusters::device::{Driver, GpioLines, LaboratoryLine, Valves};
 use fss_wire::link::{Key, first_sequence};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::io::Read;
+use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::process::Command;
 use std::time::{Duration, Instant};
 use zerocopy::FromBytes;
 
-/// What every process of a stack has.
-struct Site {
+/// A process's stack, and where it runs.
+struct Seat {
     stack: Stack,
-    launch: Launch,
-    bus: Bus,
-    stop: Arc<AtomicBool>,
-    starts: u32,
+    site: Site,
 }
 
-impl Site {
+impl std::ops::Deref for Seat {
+    type Target = Site;
+
+    fn deref(&self) -> &Site {
+        &self.site
+    }
+}
+
+impl Seat {
     fn open(name: &str, args: &SiteArgs) -> Result<Self> {
         let stack = Stack::in_folder(&args.run)?;
-        let stop = stop_on_signal()?;
-        if args.supervised {
-            stop_with_standard_input(stop.clone());
-        }
-        let node = format!("{name}-{}", std::process::id());
-        let bus = Bus::shared(&SharedConfig { node, prefix: args.bus.clone() }).into_diagnostic()?;
-        let bus = bus.for_stack(&stack.launch);
-        let launch = stack.launch.clone().in_folder(&args.run);
-        Ok(Self { stack, launch, bus, stop, starts: args.starts })
-    }
-
-    fn schedule(&self, name: &str) -> Result<Schedule> {
-        self.launch
-            .schedule(name)
-            .cloned()
-            .ok_or_else(|| miette!("the launch file has no [[service]] named '{name}'; add one with its rate_hz"))
-    }
-
-    /// Whether a service has a real-time priority: then what serves its devices is as urgent.
-    fn is_real_time(&self, name: &str) -> Result<bool> {
-        Ok(self.schedule(name)?.priority.is_some())
-    }
-
-    fn fly<S: Service>(&self, service: S, after_step: impl FnMut()) -> Result<S> {
-        let schedule = self.schedule(S::NAME)?;
-        let mut runner = Runner::new(service, &self.bus).into_diagnostic()?;
-        process::run(&mut runner, &self.bus, &schedule, self.starts, &self.stop, after_step).into_diagnostic()?;
-        Ok(runner.service)
-    }
-
-    fn queue<T: Send + 'static>(&self, name: &'static str) -> Result<Queue<T>> {
-        self.bus.queue(name, fss_bus::Feed::<T>::CAPACITY).into_diagnostic()
+        let site = Site::of(name, args, stack.launch.clone())?;
+        Ok(Self { stack, site })
     }
 
     fn link_key(&self) -> Result<Key> {
@@ -92,13 +63,16 @@ impl Site {
 
 /// Runs one service until it is told to stop.
 pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
-    let site = Site::open(name, args)?;
+    if PROGRAMS.contains(&name) {
+        let mut program = Command::new(program_of(name)?);
+        let refused = program.args(args.to_arguments()).exec();
+        return Err(refused).into_diagnostic().wrap_err_with(|| format!("cannot start fss-{name}"));
+    }
+    let site = Seat::open(name, args)?;
     let rate_hz = *site.schedule(name)?.rate_hz.get_ref();
     let plant = &site.stack.plant;
     match name {
         "recorder" => return recorder(&site, args),
-        "ground" => return ground(&site),
-        "bridge" => return bridge(&site),
         "fusion" => return fusion(&site),
         "links" => return links(&site),
         "thrusters" => return thrusters(&site),
@@ -132,7 +106,7 @@ fn last_state(hexadecimal: &str) -> Result<MissionState> {
     state.map_err(|_| miette!("--resume: not the bytes of a mission's state, which are {}", size_of::<MissionState>()))
 }
 
-fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
+fn recorder(site: &Seat, args: &SiteArgs) -> Result<()> {
     let description = Description::new(&site.stack, "real time", args.seed)?;
     let (folder, starts) = (args.run.clone(), args.starts);
     let open = move |part| {
@@ -149,24 +123,6 @@ fn recorder(site: &Site, args: &SiteArgs) -> Result<()> {
     site.fly(recorder, || ())?.finish().into_diagnostic()
 }
 
-/// Those who fly go before those who watch.
-const NICE_TO_THE_FLIGHT: i32 = 10;
-
-fn ground(site: &Site) -> Result<()> {
-    let where_to = site.launch.ground.as_ref().ok_or_else(|| {
-        miette!(help = "[ground]\nlisten = \"127.0.0.1:8765\"", "the launch file does not say where to listen")
-    })?;
-    // Refused or not, it is no real-time process.
-    let _ = rustix::process::setpriority_process(None, NICE_TO_THE_FLIGHT);
-    let name = ["fss", &site.launch.vehicle, &site.stack.mission.name].join(" ").replace("  ", " ");
-    let origins = where_to.origins.clone();
-    let config = GroundConfig { listen: where_to.listen, name, commands: where_to.commands, origins };
-    let ground =
-        Ground::listen(&config, &site.stack.plant, &site.bus).into_diagnostic().wrap_err("ground ([ground] listen)")?;
-    site.fly(ground, || ())?.close();
-    Ok(())
-}
-
 /// A recorder that was restarted begins a log of its own; the first one's is readable to its last chunk.
 fn log_name(starts: u32, part: u32) -> String {
     match (starts, part) {
@@ -177,28 +133,7 @@ fn log_name(starts: u32, part: u32) -> String {
     }
 }
 
-fn bridge(site: &Site) -> Result<()> {
-    let endpoints = site.launch.bridge.clone().ok_or_else(|| miette!("the launch file has no [bridge]"))?;
-    let neighbours = site.bus.neighbours();
-    let (line, words, session) = (Line::default(), Arc::new(ArrayQueue::new(16)), unix_time_ns()?);
-    let patience = Patience { max_age: endpoints.max_age(), silent_after: endpoints.silent_after() };
-    let bridge = Bridge::new(neighbours, patience, line.clone(), words.clone());
-    let _network = fss_bridge::device::Device::start(Network {
-        vehicle: site.launch.vehicle.clone(),
-        session,
-        endpoints,
-        receive: neighbours.received().cloned().collect(),
-        said: site.queue(SAID_QUEUE)?,
-        heard: site.queue(HEARD_QUEUE)?,
-        words,
-        line,
-    })
-    .into_diagnostic()?;
-    site.fly(bridge, || ())?;
-    Ok(())
-}
-
-fn fusion(site: &Site) -> Result<()> {
+fn fusion(site: &Seat) -> Result<()> {
     let (devices, urgent) = (&site.launch.devices, site.is_real_time("fusion")?);
     let (frames, stop) = (site.queue(VICON_QUEUE)?, site.stop.clone());
     let vicon = receive_vicon(devices.vicon, ObjectNames::default(), frames, stop, urgent)
@@ -215,7 +150,7 @@ fn fusion(site: &Site) -> Result<()> {
     Ok(())
 }
 
-fn links(site: &Site) -> Result<()> {
+fn links(site: &Seat) -> Result<()> {
     let devices = &site.launch.devices;
     let (telemetry, commands) = (site.queue(TELEMETRY_QUEUE)?, site.queue(COMMAND_QUEUE)?);
     let (local, links, urgent) = (devices.links_local, devices.links.clone(), site.is_real_time("links")?);
@@ -227,7 +162,7 @@ fn links(site: &Site) -> Result<()> {
     Ok(())
 }
 
-fn thrusters(site: &Site) -> Result<()> {
+fn thrusters(site: &Seat) -> Result<()> {
     let path = &site.launch.devices.valves;
     if let Some(offsets) = &site.launch.devices.valve_lines {
         let lines = GpioLines::open(path, offsets)
@@ -241,7 +176,7 @@ fn thrusters(site: &Site) -> Result<()> {
     drive(site, line)
 }
 
-fn drive(site: &Site, valves: impl Valves) -> Result<()> {
+fn drive(site: &Seat, valves: impl Valves) -> Result<()> {
     // The valve line is this service's device: it is written in the loop, so that nothing stands between step and valve.
     // A write that fails shuts the valves on the other side; the next step connects anew.
     let mut driver = Driver::new(valves, &site.bus).into_diagnostic()?;
@@ -252,7 +187,7 @@ fn drive(site: &Site, valves: impl Valves) -> Result<()> {
 /// Runs the laboratory until it is told to stop.
 pub fn lab(args: &SiteArgs) -> Result<()> {
     let seed = args.seed;
-    let site = Site::open("lab", args)?;
+    let site = Seat::open("lab", args)?;
     let schedule = site.schedule("lab")?;
     let mut config = LabConfig::new(seed, site.link_key()?);
     config.start = start_of(&site.stack.mission, site.stack.laboratory(), seed);
@@ -353,18 +288,4 @@ fn read_key(path: &Path) -> Result<Key> {
     }
     let secret = std::fs::read(path).into_diagnostic().wrap_err_with(say)?;
     Key::new(&secret).into_diagnostic().wrap_err_with(say)
-}
-
-/// Sets `stop` when standard input ends: the launcher's word, or its death. A process that cannot leave is killed by its
-/// launcher, or, where that is dead, leaves from here: iceoryx2 waits without end for shared memory whose maker was killed
-/// while making it.
-fn stop_with_standard_input(stop: Arc<AtomicBool>) {
-    std::thread::spawn(move || {
-        let mut byte = [0];
-        while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
-        stop.store(true, Ordering::Relaxed);
-        std::thread::sleep(2 * STOP_TIME);
-        eprintln!("this process could not leave in time: what it shares is left to the next start");
-        std::process::exit(1);
-    });
 }

@@ -1,23 +1,18 @@
 //! A stack as its three files describe it: launch file, plant file, mission file.
 
 use crate::files::TextFile;
-use fss_bus::Service;
-use fss_bus::launch::Launch;
-use fss_ground::Ground;
+use fss_bus::launch::{GROUND, Launch, SERVICES};
 use fss_lab::{Faults, LabConfig};
 use fss_messages::MissionState;
 use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::log::Log;
+use fss_service::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE};
 use fss_wire::link::Key;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
-
-/// The services that a launch file may name.
-pub const SERVICES: &[&str] =
-    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", "ground", "bridge"];
 
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[
@@ -42,10 +37,6 @@ pub const MISSIONS: &[(&str, &str)] = &[
 pub const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.toml");
 const DEFAULT_PLANT: &str = include_str!("../../../../deploy/etc/plants/fss.toml");
 
-/// Names of the three files in a run's folder.
-pub const LAUNCH_FILE: &str = "launch.toml";
-pub const PLANT_FILE: &str = "plant.toml";
-pub const MISSION_FILE: &str = "mission.toml";
 const FAULTS_FILE: &str = "faults.toml";
 /// The laboratory's own plant file, which may be another than the services believe.
 pub const LABORATORY_FILE: &str = "laboratory.toml";
@@ -306,7 +297,7 @@ fn asked_for(mut launch: Launch, launch_file: &TextFile, mission_file: &TextFile
         }
     }
     let serves = launch.ground.is_some();
-    if serves && launch.schedule(Ground::NAME).is_none() {
+    if serves && launch.schedule(GROUND).is_none() {
         let help = "add a [[service]] with name = \"ground\" and its rate_hz, or remove [ground]".to_owned();
         return Err(launch_file.error(
             "[ground] says where to listen, but there is no such service".to_owned(),
@@ -317,7 +308,7 @@ fn asked_for(mut launch: Launch, launch_file: &TextFile, mission_file: &TextFile
     launch.services.retain(|schedule| {
         let is_it = |service: &Spanned<String>| service.get_ref() == schedule.name.get_ref();
         let asked = !schedule.on_demand || demand.services.iter().any(is_it);
-        asked && (serves || schedule.name.get_ref() != Ground::NAME)
+        asked && (serves || schedule.name.get_ref() != GROUND)
     });
     Ok(launch)
 }

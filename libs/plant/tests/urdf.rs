@@ -1,9 +1,9 @@
 //! The URDF is the plant: who follows its joints comes where the plant's own kinematics come.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_ground::urdf::urdf;
 use fss_multibody::State;
 use fss_plant::Plant;
+use fss_plant::urdf::urdf;
 
 /// The numbers of an attribute.
 fn numbers<'a>(element: &'a str, attribute: &str) -> Vec<f64> {

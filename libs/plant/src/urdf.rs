@@ -3,13 +3,13 @@
 //! One link for the base and one for each `[[link]]`, joined by revolute joints about the vertical whose angles are the
 //! encoders': what `/joint_states` says. Heights are for the eye only; the vehicle is planar.
 
-use fss_plant::{Link, Plant};
+use crate::{Link, Plant};
 use std::fmt::Write;
 
 /// Height of the base, m.
 const BASE_HEIGHT_M: f64 = 0.3;
 /// Height at which the arm hangs, m.
-pub(crate) const ARM_HEIGHT_M: f64 = 0.15;
+pub const ARM_HEIGHT_M: f64 = 0.15;
 /// Width of a link, m.
 const LINK_WIDTH_M: f64 = 0.06;
 
@@ -29,7 +29,7 @@ pub fn joint_name(number: usize) -> String {
 }
 
 /// Where a link's frame is in the one before it with its encoder at zero, from 0: x m, y m, angle rad.
-pub(crate) fn joint_origin(plant: &Plant, link: usize) -> [f64; 3] {
+pub fn joint_origin(plant: &Plant, link: usize) -> [f64; 3] {
     let offset_rad = plant.links[link].joint_offset_rad;
     match link.checked_sub(1) {
         None => {
