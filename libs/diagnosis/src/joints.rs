@@ -25,22 +25,23 @@ mod path;
 mod process;
 mod response;
 mod rows;
+mod servos;
 mod smoother;
 mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
 use fss_estimation::Columns;
-use fss_identify::commands::Commands;
 use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant, Servo};
+use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust};
 use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
+use servos::Servos;
 use std::f64::consts::TAU;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -49,8 +50,6 @@ const TYPICAL_ACCELERATION: f64 = 1.0;
 const TYPICAL_RATE: f64 = 0.5;
 /// Half of the time over which a command's acceleration is averaged, s.
 const ACTIVITY_S: f64 = 0.3;
-/// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
-const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// Fewer moments than this cannot hold an initial state and say anything.
 const FEWEST_MOMENTS: usize = 4;
 
@@ -67,11 +66,9 @@ pub struct JointBlock {
     /// Mean over a row's samples less the reading at its time, less what the path is beside the command.
     shift: Vec<f64>,
     hyper: Vec<HyperParameter>,
-    /// Breakaway torque of each joint, N m, with the effects about which everything is linearized; `None` until they are known.
-    breakaway: Mutex<Option<Vec<f64>>>,
-    /// Gains of the servos with which the reference was computed, and what other gains change.
-    servos: Vec<Servo>,
-    by_gain: Vec<GainSlope>,
+    /// What the effects about which everything is linearized do; `None` until they are known.
+    present: Mutex<Option<Present>>,
+    servos: Servos,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
     channels: Vec<String>,
@@ -79,11 +76,12 @@ pub struct JointBlock {
     noise_of_row: Vec<f64>,
 }
 
-/// What the rows change by with the logarithm of a gain of a joint's servo.
-struct GainSlope {
-    gain: usize,
-    joint: usize,
-    of_row: Vec<f64>,
+/// What effects do about which everything is linearized.
+struct Present {
+    /// Breakaway torque of each joint, N m.
+    breakaway_n_m: Vec<f64>,
+    /// What the rows change by with the motion that servos make of the datagrams.
+    reference: Option<Vec<f64>>,
 }
 
 /// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
@@ -113,13 +111,12 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
         return None;
     }
     let mut model = noise_model(plant, run, &path, &rows, slopes);
-    uncertain_arrivals(&path, &rows, &mut model);
-    let beside = read_motion(&rows, &model, |joint, stamp_s| path.deviation(joint, stamp_s));
+    servos::uncertain_arrivals(&path, &rows, &mut model);
+    let beside = model.read_motion(&rows, |joint, stamp_s| path.deviation(joint, stamp_s));
     let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
-    let servos = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
-    let gains = (servos, gain_slopes(&path, &rows, &model));
-    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), rows, (model, gains), shift);
+    let servos = Servos::new(plant, run, &path, &rows, &model);
+    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), rows, (model, servos), shift);
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
@@ -164,39 +161,9 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slop
         reach_m,
         slopes,
         activity,
-        interval_s: median_interval(&moments),
+        interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
-        arrival_s: datagrams(run, plant).map(arrival_time),
-    }
-}
-
-/// What datagrams told each joint, and when they arrived; `None` where the run has none, or none that change anything.
-fn datagrams<'a>(run: &'a Run, plant: &Plant) -> Option<&'a Commands> {
-    run.commands.as_ref().filter(|c| c.joints.len() == plant.link_count() && c.joints.iter().any(|j| j.len() > 1))
-}
-
-/// Correlation time of how late datagrams arrive, s: half of the interval at which another one comes.
-fn arrival_time(commands: &Commands) -> f64 {
-    let most = commands.joints.iter().max_by_key(|joint| joint.len());
-    let times: Vec<f64> = most.into_iter().flatten().map(|(t_s, _)| *t_s).collect();
-    0.5 * median_interval(&times)
-}
-
-/// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
-fn uncertain_arrivals(path: &MeasuredPath, rows: &[Row], model: &mut NoiseModel) {
-    let Some(reference) = path.reference.as_ref().filter(|_| model.arrival_s.is_some()) else { return };
-    for joint in 0..model.links {
-        let later = |j: usize, stamp_s: f64| {
-            if j != joint {
-                return [0.0; 3];
-            }
-            let before = reference[j].at(stamp_s - ARRIVAL_SD_S);
-            let now = reference[j].at(stamp_s);
-            std::array::from_fn(|i| before[i] - now[i])
-        };
-        for (slopes, by) in read_mixed(rows, model, later).into_iter().enumerate() {
-            model.slopes[slopes].arrival.push(by);
-        }
+        arrival_s: servos::datagrams(plant, run).map(servos::arrival_time),
     }
 }
 
@@ -207,12 +174,6 @@ fn any_acceleration(path: &MeasuredPath) -> f64 {
     10.0 * (sum / f64::max(count, 1.0)).sqrt() + 1.0
 }
 
-fn median_interval(t_s: &[f64]) -> f64 {
-    let mut intervals: Vec<f64> = t_s.windows(2).map(|w| w[1] - w[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
-}
-
 /// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
 fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
     const SAMPLES: i32 = 12;
@@ -221,51 +182,12 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
     ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
 }
 
-/// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
-fn read_motion(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
-    let mut out = read_mixed(rows, model, motion);
-    // The end-effector's rows are mixed in the slopes: back to plain ones.
-    for k in 0..rows.len() {
-        if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &model.slopes[k].mix) {
-            out[k] -= (0..axis).map(|c| mix[c] * out[k - axis + c]).sum::<f64>();
-        }
-    }
-    out
-}
-
-/// The same of rows whose end-effector's are mixed ([`noise::Slopes::mix`]).
-fn read_mixed(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
-    // Rows are means over their samples: so is the motion.
-    let mean = |row: &Row, joint: usize| -> [f64; 3] {
-        let count = row.stamps_s.len().max(1) as f64;
-        let all = row.stamps_s.iter().map(|stamp_s| motion(joint, *stamp_s));
-        all.fold([0.0; 3], |sum, d| std::array::from_fn(|i| sum[i] + d[i] / count))
-    };
-    let states = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| mean(row, j)).collect() };
-    let read = |(row, slopes): (&Row, &noise::Slopes)| {
-        let states = states(row);
-        slopes.motion.iter().map(|(state, c)| c * states[*state]).sum()
-    };
-    rows.iter().zip(&model.slopes).map(read).collect()
-}
-
-/// What the rows change by with the logarithm of each gain of each joint's servo.
-fn gain_slopes(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
-    let of = |gain: usize, joint: usize| {
-        let motion = |j: usize, stamp_s: f64| {
-            if j == joint { path.by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
-        };
-        GainSlope { gain, joint, of_row: read_motion(rows, model, motion) }
-    };
-    (0..path.by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
-}
-
 impl JointBlock {
     fn assembled(
         run: &Run,
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         rows: Vec<Row>,
-        (model, (servos, by_gain)): (NoiseModel, (Vec<Servo>, Vec<GainSlope>)),
+        (model, servos): (NoiseModel, Servos),
         shift: Vec<f64>,
     ) -> Self {
         let mut channels: Vec<String> = Vec::new();
@@ -293,9 +215,8 @@ impl JointBlock {
             anchors,
             shift,
             hyper,
-            breakaway: Mutex::new(None),
+            present: Mutex::new(None),
             servos,
-            by_gain,
             measured,
             channel_of_row,
             channels,
@@ -304,8 +225,8 @@ impl JointBlock {
         }
     }
 
-    fn breakaway(&self) -> MutexGuard<'_, Option<Vec<f64>>> {
-        self.breakaway.lock().unwrap_or_else(PoisonError::into_inner)
+    fn present(&self) -> MutexGuard<'_, Option<Present>> {
+        self.present.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
@@ -334,24 +255,24 @@ impl Block for JointBlock {
         let parts = (&self.run, &self.path, &self.loads);
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        self.breakaway().get_or_insert_with(|| mechanics.physics(0.0).joints.iter().map(of).collect());
+        let mut present = self.present();
+        let present = present.get_or_insert_with(|| Present {
+            breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
+            reference: self.servos.change(plant, effects, &self.path, &self.rows, &self.model),
+        });
+        let reference = present.reference.clone();
         let mut out = match &self.anchors {
             Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
-        for slope in &self.by_gain {
-            let gain = |servo: &Servo| response::GAINS[slope.gain](&mut servo.clone()).max(f64::MIN_POSITIVE);
-            let tuned = (gain(plant.servo(slope.joint)) / gain(&self.servos[slope.joint])).ln();
-            if tuned != 0.0 {
-                out.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += tuned * s);
-            }
-        }
+        out.iter_mut().zip(reference.iter().flatten()).for_each(|(v, change)| *v += change);
+        self.servos.tune(plant, &mut out);
         Ok(out)
     }
 
     fn forget(&self) {
-        *self.breakaway() = None;
+        *self.present() = None;
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {
@@ -361,8 +282,9 @@ impl Block for JointBlock {
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
         let hyper = Hyper::new(hyper, self.model.driven);
         self.mix(columns);
-        let breakaway = self.breakaway().clone().unwrap_or_else(|| vec![0.0; self.model.links]);
-        self.model.whiten(&self.rows, (&hyper, &breakaway), columns)
+        let breakaway_n_m = self.present().as_ref().map(|present| present.breakaway_n_m.clone());
+        let breakaway_n_m = breakaway_n_m.unwrap_or_else(|| vec![0.0; self.model.links]);
+        self.model.whiten(&self.rows, (&hyper, &breakaway_n_m), columns)
     }
 
     fn channel_of_row(&self) -> &[usize] {
