@@ -18,6 +18,7 @@
 //! command, so that the filter's states are deviations from what does not depend on the measured noise.
 
 mod hyper;
+mod linearization;
 mod linearize;
 mod mechanics;
 mod noise;
@@ -36,6 +37,7 @@ use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};
+use linearization::Linearization;
 use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust};
 use noise::NoiseModel;
@@ -43,7 +45,7 @@ use path::MeasuredPath;
 use rows::{Kind, Row};
 use servos::Servos;
 use std::f64::consts::TAU;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
 const TYPICAL_ACCELERATION: f64 = 1.0;
@@ -60,14 +62,14 @@ pub struct JointBlock {
     loads: Loads,
     thrust: NominalThrust,
     rows: Vec<Row>,
-    model: NoiseModel,
+    scale: Vec<f64>,
+    /// About the nominal plant.
+    nominal: Linearization,
     /// What the nominal plant makes of the torques at each moment, where the motion follows from them.
     anchors: Option<Vec<Option<Anchor>>>,
-    /// Mean over a row's samples less the reading at its time, less what the path is beside the command.
-    shift: Vec<f64>,
     hyper: Vec<HyperParameter>,
-    /// What the effects about which everything is linearized do; `None` until they are known.
-    present: Mutex<Option<Present>>,
+    /// About what everything is linearized; `None` until it is known.
+    present: Mutex<Option<Arc<Present>>>,
     servos: Servos,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
@@ -76,12 +78,12 @@ pub struct JointBlock {
     noise_of_row: Vec<f64>,
 }
 
-/// What effects do about which everything is linearized.
+/// The plant and the effects about which everything is linearized.
 struct Present {
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
-    /// What the rows change by with the motion that servos make of the datagrams.
-    reference: Option<Vec<f64>>,
+    /// `None` where it is the nominal one.
+    linearization: Option<Linearization>,
 }
 
 /// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
@@ -104,23 +106,16 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
         row.value -= TAU * ((row.value - nominal) / TAU).round();
     }
-    let mut slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);
-    linearize::timing(&mechanics, &path, &rows, &mut slopes);
-    let averaging = linearize::averaging(&mechanics, &path, &rows, &nominal);
-    if nominal.iter().chain(&averaging).any(|v| !v.is_finite()) {
-        return None;
-    }
-    let mut model = noise_model(plant, run, &path, &rows, slopes);
-    servos::uncertain_arrivals(&path, &rows, &mut model);
-    let beside = model.read_motion(&rows, |joint, stamp_s| path.deviation(joint, stamp_s));
-    let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
+    let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
-    let servos = Servos::new(plant, run, &path, &rows, &model);
-    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), rows, (model, servos), shift);
+    let parts = (&path, rows.as_slice(), scale.as_slice());
+    let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_deref())?;
+    let servos = Servos::new(plant, run);
+    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
-            *noise = 0.01 * scale[joint];
+            *noise = 0.01 * block.scale[joint];
         }
     }
     Some(block)
@@ -146,7 +141,8 @@ fn torque_scale(plant: &Plant) -> Option<Vec<f64>> {
     Some(plant.links.iter().enumerate().map(scale).collect())
 }
 
-fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slopes: Vec<noise::Slopes>) -> NoiseModel {
+/// The model but for the rows' slopes.
+fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> NoiseModel {
     let links = plant.link_count();
     let has = |wanted: &dyn Fn(Kind) -> bool| rows.iter().any(|r| wanted(r.kind));
     let moments: Vec<f64> = rows::moments(rows).iter().map(|m| rows[m.start].t_s).collect();
@@ -159,7 +155,7 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slop
         powered: (0..links).map(|i| has(&|k| k == Kind::Current(i) || k == Kind::Undriven(i))).collect(),
         has_tip: has(&|k| matches!(k, Kind::Tip(_))),
         reach_m,
-        slopes,
+        slopes: Vec::new(),
         activity,
         interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
@@ -186,9 +182,8 @@ impl JointBlock {
     fn assembled(
         run: &Run,
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
-        rows: Vec<Row>,
-        (model, servos): (NoiseModel, Servos),
-        shift: Vec<f64>,
+        (rows, scale): (Vec<Row>, Vec<f64>),
+        (nominal, servos): (Linearization, Servos),
     ) -> Self {
         let mut channels: Vec<String> = Vec::new();
         let mut channel_of_row = Vec::with_capacity(rows.len());
@@ -200,7 +195,7 @@ impl JointBlock {
             });
             channel_of_row.push(at);
         }
-        let hyper = hyper_parameters(model.driven);
+        let hyper = hyper_parameters(nominal.model.driven);
         let measured = rows.iter().map(|r| r.value).collect();
         let (time_of_row, noise_of_row) =
             (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
@@ -211,9 +206,9 @@ impl JointBlock {
             loads,
             thrust,
             rows,
-            model,
+            scale,
+            nominal,
             anchors,
-            shift,
             hyper,
             present: Mutex::new(None),
             servos,
@@ -225,14 +220,31 @@ impl JointBlock {
         }
     }
 
-    fn present(&self) -> MutexGuard<'_, Option<Present>> {
+    fn present(&self) -> MutexGuard<'_, Option<Arc<Present>>> {
         self.present.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// What a plant with effects is about which everything is linearized.
+    fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
+        let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
+        let moving: Vec<Effect> = effects.iter().filter(|e| servos::moves(e)).cloned().collect();
+        let is_nominal = moving.is_empty() || self.anchors.is_some();
+        let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
+        let anew = || {
+            let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
+            let reference = simulated.as_deref().or(self.path.reference.as_deref());
+            Linearization::new(plant, mechanics, parts, &self.nominal.model, reference)
+        };
+        Present {
+            breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
+            linearization: if is_nominal { None } else { anew() },
+        }
+    }
+
     /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
-    fn mix(&self, columns: &mut Columns) {
+    fn mix(&self, model: &NoiseModel, columns: &mut Columns) {
         for (k, row) in self.rows.iter().enumerate().rev() {
-            let (Kind::Tip(axis), Some((mix, _))) = (row.kind, &self.model.slopes[k].mix) else { continue };
+            let (Kind::Tip(axis), Some((mix, _))) = (row.kind, &model.slopes[k].mix) else { continue };
             for c in 0..axis {
                 let other = columns.row(k - axis + c).to_vec();
                 columns.row_mut(k).iter_mut().zip(other).for_each(|(v, o)| *v += mix[c] * o);
@@ -254,20 +266,14 @@ impl Block for JointBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let parts = (&self.run, &self.path, &self.loads);
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
-        let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        let mut present = self.present();
-        let present = present.get_or_insert_with(|| Present {
-            breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
-            reference: self.servos.change(plant, effects, &self.path, &self.rows, &self.model),
-        });
-        let reference = present.reference.clone();
+        let present = self.present().get_or_insert_with(|| Arc::new(self.about(plant, effects, &mechanics))).clone();
+        let about = present.linearization.as_ref().unwrap_or(&self.nominal);
         let mut out = match &self.anchors {
             Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
-        out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
-        out.iter_mut().zip(reference.iter().flatten()).for_each(|(v, change)| *v += change);
-        self.servos.tune(plant, &mut out);
+        out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
+        self.servos.tune(plant, &about.by_gain, &mut out);
         Ok(out)
     }
 
@@ -280,11 +286,13 @@ impl Block for JointBlock {
     }
 
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
-        let hyper = Hyper::new(hyper, self.model.driven);
-        self.mix(columns);
-        let breakaway_n_m = self.present().as_ref().map(|present| present.breakaway_n_m.clone());
-        let breakaway_n_m = breakaway_n_m.unwrap_or_else(|| vec![0.0; self.model.links]);
-        self.model.whiten(&self.rows, (&hyper, &breakaway_n_m), columns)
+        let present = self.present().clone();
+        let about = present.as_ref().and_then(|p| p.linearization.as_ref()).unwrap_or(&self.nominal);
+        let hyper = Hyper::new(hyper, about.model.driven);
+        self.mix(&about.model, columns);
+        let unknown = vec![0.0; about.model.links];
+        let breakaway_n_m = present.as_ref().map_or(&unknown, |p| &p.breakaway_n_m);
+        about.model.whiten(&self.rows, (&hyper, breakaway_n_m), columns)
     }
 
     fn channel_of_row(&self) -> &[usize] {

@@ -113,9 +113,9 @@ impl MeasuredPath {
         self.rate_sd[joint].get(node).or(self.rate_sd[joint].last()).copied().unwrap_or(0.0)
     }
 
-    /// How far each joint's path is from its reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
-    pub(super) fn deviation(&self, joint: usize, t_s: f64) -> [f64; 3] {
-        let Some(reference) = &self.reference else { return [0.0; 3] };
+    /// How far each joint's path is from a reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
+    pub(super) fn deviation(&self, joint: usize, t_s: f64, reference: Option<&[Track]>) -> [f64; 3] {
+        let Some(reference) = reference else { return [0.0; 3] };
         let (path, reference) = (self.joints[joint].at(t_s), reference[joint].at(t_s));
         std::array::from_fn(|i| path[i] - reference[i])
     }

@@ -6,6 +6,7 @@ use super::path::MeasuredPath;
 use super::response::{self, GAINS};
 use super::rows::Row;
 use super::telemetry::median_interval;
+use super::track::Track;
 use fss_identify::commands::Commands;
 use fss_identify::measured::Run;
 use fss_plant::{Effect, Place, Plant, Servo};
@@ -13,30 +14,30 @@ use fss_plant::{Effect, Place, Plant, Servo};
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
 const ARRIVAL_SD_S: f64 = 1.7e-3;
 
-/// The servos of a run that has datagrams.
+/// The servos of a run.
 pub(super) struct Servos {
+    /// What they were told; `None` without datagrams.
     commands: Option<Commands>,
     /// Gains with which the reference was computed.
     nominal: Vec<Servo>,
-    by_gain: Vec<GainSlope>,
 }
 
 /// What the rows change by with the logarithm of a gain of a joint's servo.
-struct GainSlope {
+pub(super) struct GainSlope {
     gain: usize,
     joint: usize,
     of_row: Vec<f64>,
 }
 
 impl Servos {
-    pub(super) fn new(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Self {
+    pub(super) fn new(plant: &Plant, run: &Run) -> Self {
         let nominal = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
-        Self { commands: datagrams(plant, run).cloned(), nominal, by_gain: gain_slopes(path, rows, model) }
+        Self { commands: datagrams(plant, run).cloned(), nominal }
     }
 
     /// Adds what the gains of a plant change.
-    pub(super) fn tune(&self, plant: &Plant, rows: &mut [f64]) {
-        for slope in &self.by_gain {
+    pub(super) fn tune(&self, plant: &Plant, by_gain: &[GainSlope], rows: &mut [f64]) {
+        for slope in by_gain {
             let gain = |servo: &Servo| GAINS[slope.gain](&mut servo.clone()).max(f64::MIN_POSITIVE);
             let tuned = (gain(plant.servo(slope.joint)) / gain(&self.nominal[slope.joint])).ln();
             if tuned != 0.0 {
@@ -45,39 +46,27 @@ impl Servos {
         }
     }
 
-    /// What the rows change by with the masses and joints that effects make of a plant; `None` where nothing changes, or where
-    /// they are no mechanism.
-    pub(super) fn change(
-        &self,
-        plant: &Plant,
-        effects: &[Effect],
-        path: &MeasuredPath,
-        rows: &[Row],
-        model: &NoiseModel,
-    ) -> Option<Vec<f64>> {
-        let (commands, reference) = (self.commands.as_ref()?, path.reference.as_ref()?);
-        let moves = |effect: &&Effect| matches!(effect.about().place, Place::Mass | Place::Joint);
-        let moving: Vec<Effect> = effects.iter().filter(moves).cloned().collect();
-        if moving.is_empty() {
-            return None;
-        }
-        let mut changed = plant.with_effects(&moving);
-        for (link, servo) in changed.links.iter_mut().zip(&self.nominal) {
+    /// What servos of the nominal gains make of the datagrams on another plant; `None` without datagrams, or where the plant is
+    /// no mechanism.
+    pub(super) fn reference(&self, plant: &Plant, path: &MeasuredPath) -> Option<Vec<Track>> {
+        let commands = self.commands.as_ref()?;
+        let mut plant = plant.clone();
+        for (link, servo) in plant.links.iter_mut().zip(&self.nominal) {
             link.servo = Some(servo.clone());
         }
         let grid_s: Vec<f64> = path.grid_s().collect();
-        let nodes = response::played(&changed, commands, &grid_s).ok()?;
-        let tracks: Vec<_> = nodes.into_iter().map(|nodes| path.track(nodes)).collect();
-        let moved = |joint: usize, stamp_s: f64| {
-            let (now, before) = (tracks[joint].at(stamp_s), reference[joint].at(stamp_s));
-            std::array::from_fn(|i| now[i] - before[i])
-        };
-        Some(model.read_motion(rows, moved))
+        let nodes = response::played(&plant, commands, &grid_s).ok()?;
+        Some(nodes.into_iter().map(|nodes| path.track(nodes)).collect())
     }
 }
 
+/// Whether an effect changes what servos make of their commands.
+pub(super) fn moves(effect: &Effect) -> bool {
+    matches!(effect.about().place, Place::Mass | Place::Joint)
+}
+
 /// What the rows change by with the logarithm of each gain of each joint's servo.
-fn gain_slopes(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
+pub(super) fn gain_slopes(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
     let of = |gain: usize, joint: usize| {
         let motion = |j: usize, stamp_s: f64| {
             if j == joint { path.by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
@@ -100,8 +89,8 @@ pub(super) fn arrival_time(commands: &Commands) -> f64 {
 }
 
 /// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
-pub(super) fn uncertain_arrivals(path: &MeasuredPath, rows: &[Row], model: &mut NoiseModel) {
-    let Some(reference) = path.reference.as_ref().filter(|_| model.arrival_s.is_some()) else { return };
+pub(super) fn uncertain_arrivals(reference: Option<&[Track]>, rows: &[Row], model: &mut NoiseModel) {
+    let Some(reference) = reference.filter(|_| model.arrival_s.is_some()) else { return };
     for joint in 0..model.links {
         let later = |j: usize, stamp_s: f64| {
             if j != joint {
