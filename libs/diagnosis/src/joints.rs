@@ -109,7 +109,7 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
-    let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_deref())?;
+    let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_ref())?;
     let servos = Servos::new(plant, run);
     let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
@@ -173,7 +173,7 @@ fn any_acceleration(path: &MeasuredPath) -> f64 {
 /// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
 fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
     const SAMPLES: i32 = 12;
-    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference[joint]);
+    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference.joints[joint]);
     let at = |k: i32| track.at(t_s + ACTIVITY_S * f64::from(k) / f64::from(SAMPLES))[2];
     ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
 }
@@ -232,7 +232,7 @@ impl JointBlock {
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
         let anew = || {
             let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
-            let reference = simulated.as_deref().or(self.path.reference.as_deref());
+            let reference = simulated.as_ref().or(self.path.reference.as_ref());
             Linearization::new(plant, mechanics, parts, &self.nominal.model, reference)
         };
         Present {

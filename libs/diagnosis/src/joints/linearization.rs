@@ -3,10 +3,9 @@
 use super::linearize;
 use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
-use super::path::MeasuredPath;
+use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
 use super::servos::{self, GainSlope};
-use super::track::Track;
 use fss_plant::Plant;
 
 /// The noise's model, and what a prediction along the path lacks.
@@ -26,7 +25,7 @@ impl Linearization {
         mechanics: &Mechanics,
         (path, rows, scale): (&MeasuredPath, &[Row], &[f64]),
         model: &NoiseModel,
-        reference: Option<&[Track]>,
+        reference: Option<&Reference>,
     ) -> Option<Self> {
         let readings = linearize::predict(mechanics, path, rows);
         let averaging = linearize::averaging(mechanics, path, rows, &readings);
@@ -39,7 +38,7 @@ impl Linearization {
         servos::uncertain_arrivals(reference, rows, &mut model);
         let beside = model.read_motion(rows, |joint, stamp_s| path.deviation(joint, stamp_s, reference));
         let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
-        let by_gain = servos::gain_slopes(path, rows, &model);
+        let by_gain = servos::gain_slopes(reference.map_or(&[], |r| &r.by_gain), rows, &model);
         Some(Self { model, shift, by_gain })
     }
 }

@@ -45,8 +45,7 @@ pub(super) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
     Ok(Response { nominal, by_gain })
 }
 
-/// Each joint's motion with a plant at the times `grid_s`, s.
-pub(super) fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
+fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
     let still = Plant { disturbance: None, ..plant.clone() };
     let mut times = Vec::new();
     let mut states = vec![Vec::new(); plant.link_count()];

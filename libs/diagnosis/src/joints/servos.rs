@@ -2,7 +2,7 @@
 //! masses, at other times.
 
 use super::noise::NoiseModel;
-use super::path::MeasuredPath;
+use super::path::{MeasuredPath, Reference};
 use super::response::{self, GAINS};
 use super::rows::Row;
 use super::telemetry::median_interval;
@@ -48,15 +48,14 @@ impl Servos {
 
     /// What servos of the nominal gains make of the datagrams on another plant; `None` without datagrams, or where the plant is
     /// no mechanism.
-    pub(super) fn reference(&self, plant: &Plant, path: &MeasuredPath) -> Option<Vec<Track>> {
+    pub(super) fn reference(&self, plant: &Plant, path: &MeasuredPath) -> Option<Reference> {
         let commands = self.commands.as_ref()?;
         let mut plant = plant.clone();
         for (link, servo) in plant.links.iter_mut().zip(&self.nominal) {
             link.servo = Some(servo.clone());
         }
         let grid_s: Vec<f64> = path.grid_s().collect();
-        let nodes = response::played(&plant, commands, &grid_s).ok()?;
-        Some(nodes.into_iter().map(|nodes| path.track(nodes)).collect())
+        Some(path.reference_of(response::response(&plant, commands, &grid_s).ok()?))
     }
 }
 
@@ -66,14 +65,14 @@ pub(super) fn moves(effect: &Effect) -> bool {
 }
 
 /// What the rows change by with the logarithm of each gain of each joint's servo.
-pub(super) fn gain_slopes(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
+pub(super) fn gain_slopes(by_gain: &[Vec<Track>], rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
     let of = |gain: usize, joint: usize| {
         let motion = |j: usize, stamp_s: f64| {
-            if j == joint { path.by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
+            if j == joint { by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
         };
         GainSlope { gain, joint, of_row: model.read_motion(rows, motion) }
     };
-    (0..path.by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
+    (0..by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
 }
 
 /// What datagrams told each joint, and when they arrived; `None` where the run has none, or none that change anything.
@@ -89,15 +88,14 @@ pub(super) fn arrival_time(commands: &Commands) -> f64 {
 }
 
 /// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
-pub(super) fn uncertain_arrivals(reference: Option<&[Track]>, rows: &[Row], model: &mut NoiseModel) {
+pub(super) fn uncertain_arrivals(reference: Option<&Reference>, rows: &[Row], model: &mut NoiseModel) {
     let Some(reference) = reference.filter(|_| model.arrival_s.is_some()) else { return };
     for joint in 0..model.links {
         let later = |j: usize, stamp_s: f64| {
             if j != joint {
                 return [0.0; 3];
             }
-            let before = reference[j].at(stamp_s - ARRIVAL_SD_S);
-            let now = reference[j].at(stamp_s);
+            let (before, now) = (reference.joints[j].at(stamp_s - ARRIVAL_SD_S), reference.joints[j].at(stamp_s));
             std::array::from_fn(|i| before[i] - now[i])
         };
         for (slopes, by) in model.read_mixed(rows, later).into_iter().enumerate() {
