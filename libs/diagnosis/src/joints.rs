@@ -18,6 +18,7 @@
 //! command, so that the filter's states are deviations from what does not depend on the measured noise.
 
 mod hyper;
+mod linearization;
 mod linearize;
 mod mechanics;
 mod noise;
@@ -25,32 +26,32 @@ mod path;
 mod process;
 mod response;
 mod rows;
+mod servos;
 mod smoother;
 mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
 use fss_estimation::Columns;
-use fss_identify::commands::Commands;
 use fss_identify::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant, Servo};
+use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};
+use linearization::Linearization;
 use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust};
 use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
+use servos::Servos;
 use std::f64::consts::TAU;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
 const TYPICAL_ACCELERATION: f64 = 1.0;
 const TYPICAL_RATE: f64 = 0.5;
 /// Half of the time over which a command's acceleration is averaged, s.
 const ACTIVITY_S: f64 = 0.3;
-/// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
-const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// Fewer moments than this cannot hold an initial state and say anything.
 const FEWEST_MOMENTS: usize = 4;
 
@@ -61,17 +62,15 @@ pub struct JointBlock {
     loads: Loads,
     thrust: NominalThrust,
     rows: Vec<Row>,
-    model: NoiseModel,
+    scale: Vec<f64>,
+    /// About the nominal plant.
+    nominal: Linearization,
     /// What the nominal plant makes of the torques at each moment, where the motion follows from them.
     anchors: Option<Vec<Option<Anchor>>>,
-    /// Mean over a row's samples less the reading at its time, less what the path is beside the command.
-    shift: Vec<f64>,
     hyper: Vec<HyperParameter>,
-    /// Breakaway torque of each joint, N m, with the effects about which everything is linearized; `None` until they are known.
-    breakaway: Mutex<Option<Vec<f64>>>,
-    /// Gains of the servos with which the reference was computed, and what other gains change.
-    servos: Vec<Servo>,
-    by_gain: Vec<GainSlope>,
+    /// About what everything is linearized; `None` until it is known.
+    present: Mutex<Option<Arc<Present>>>,
+    servos: Servos,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
     channels: Vec<String>,
@@ -79,11 +78,12 @@ pub struct JointBlock {
     noise_of_row: Vec<f64>,
 }
 
-/// What the rows change by with the logarithm of a gain of a joint's servo.
-struct GainSlope {
-    gain: usize,
-    joint: usize,
-    of_row: Vec<f64>,
+/// The plant and the effects about which everything is linearized.
+struct Present {
+    /// Breakaway torque of each joint, N m.
+    breakaway_n_m: Vec<f64>,
+    /// `None` where it is the nominal one.
+    linearization: Option<Linearization>,
 }
 
 /// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
@@ -106,24 +106,16 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
         row.value -= TAU * ((row.value - nominal) / TAU).round();
     }
-    let mut slopes = linearize::slopes(plant, &mechanics, &path, &rows, &scale);
-    linearize::timing(&mechanics, &path, &rows, &mut slopes);
-    let averaging = linearize::averaging(&mechanics, &path, &rows, &nominal);
-    if nominal.iter().chain(&averaging).any(|v| !v.is_finite()) {
-        return None;
-    }
-    let mut model = noise_model(plant, run, &path, &rows, slopes);
-    uncertain_arrivals(&path, &rows, &mut model);
-    let beside = read_motion(&rows, &model, |joint, stamp_s| path.deviation(joint, stamp_s));
-    let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
+    let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
-    let servos = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
-    let gains = (servos, gain_slopes(&path, &rows, &model));
-    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), rows, (model, gains), shift);
+    let parts = (&path, rows.as_slice(), scale.as_slice());
+    let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_ref())?;
+    let servos = Servos::new(plant, run);
+    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
-            *noise = 0.01 * scale[joint];
+            *noise = 0.01 * block.scale[joint];
         }
     }
     Some(block)
@@ -149,7 +141,8 @@ fn torque_scale(plant: &Plant) -> Option<Vec<f64>> {
     Some(plant.links.iter().enumerate().map(scale).collect())
 }
 
-fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slopes: Vec<noise::Slopes>) -> NoiseModel {
+/// The model but for the rows' slopes.
+fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> NoiseModel {
     let links = plant.link_count();
     let has = |wanted: &dyn Fn(Kind) -> bool| rows.iter().any(|r| wanted(r.kind));
     let moments: Vec<f64> = rows::moments(rows).iter().map(|m| rows[m.start].t_s).collect();
@@ -162,41 +155,11 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row], slop
         powered: (0..links).map(|i| has(&|k| k == Kind::Current(i) || k == Kind::Undriven(i))).collect(),
         has_tip: has(&|k| matches!(k, Kind::Tip(_))),
         reach_m,
-        slopes,
+        slopes: Vec::new(),
         activity,
-        interval_s: median_interval(&moments),
+        interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
-        arrival_s: datagrams(run, plant).map(arrival_time),
-    }
-}
-
-/// What datagrams told each joint, and when they arrived; `None` where the run has none, or none that change anything.
-fn datagrams<'a>(run: &'a Run, plant: &Plant) -> Option<&'a Commands> {
-    run.commands.as_ref().filter(|c| c.joints.len() == plant.link_count() && c.joints.iter().any(|j| j.len() > 1))
-}
-
-/// Correlation time of how late datagrams arrive, s: half of the interval at which another one comes.
-fn arrival_time(commands: &Commands) -> f64 {
-    let most = commands.joints.iter().max_by_key(|joint| joint.len());
-    let times: Vec<f64> = most.into_iter().flatten().map(|(t_s, _)| *t_s).collect();
-    0.5 * median_interval(&times)
-}
-
-/// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
-fn uncertain_arrivals(path: &MeasuredPath, rows: &[Row], model: &mut NoiseModel) {
-    let Some(reference) = path.reference.as_ref().filter(|_| model.arrival_s.is_some()) else { return };
-    for joint in 0..model.links {
-        let later = |j: usize, stamp_s: f64| {
-            if j != joint {
-                return [0.0; 3];
-            }
-            let before = reference[j].at(stamp_s - ARRIVAL_SD_S);
-            let now = reference[j].at(stamp_s);
-            std::array::from_fn(|i| before[i] - now[i])
-        };
-        for (slopes, by) in read_mixed(rows, model, later).into_iter().enumerate() {
-            model.slopes[slopes].arrival.push(by);
-        }
+        arrival_s: servos::datagrams(plant, run).map(servos::arrival_time),
     }
 }
 
@@ -207,66 +170,20 @@ fn any_acceleration(path: &MeasuredPath) -> f64 {
     10.0 * (sum / f64::max(count, 1.0)).sqrt() + 1.0
 }
 
-fn median_interval(t_s: &[f64]) -> f64 {
-    let mut intervals: Vec<f64> = t_s.windows(2).map(|w| w[1] - w[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
-}
-
 /// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
 fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
     const SAMPLES: i32 = 12;
-    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference[joint]);
+    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference.joints[joint]);
     let at = |k: i32| track.at(t_s + ACTIVITY_S * f64::from(k) / f64::from(SAMPLES))[2];
     ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
-}
-
-/// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
-fn read_motion(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
-    let mut out = read_mixed(rows, model, motion);
-    // The end-effector's rows are mixed in the slopes: back to plain ones.
-    for k in 0..rows.len() {
-        if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &model.slopes[k].mix) {
-            out[k] -= (0..axis).map(|c| mix[c] * out[k - axis + c]).sum::<f64>();
-        }
-    }
-    out
-}
-
-/// The same of rows whose end-effector's are mixed ([`noise::Slopes::mix`]).
-fn read_mixed(rows: &[Row], model: &NoiseModel, motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
-    // Rows are means over their samples: so is the motion.
-    let mean = |row: &Row, joint: usize| -> [f64; 3] {
-        let count = row.stamps_s.len().max(1) as f64;
-        let all = row.stamps_s.iter().map(|stamp_s| motion(joint, *stamp_s));
-        all.fold([0.0; 3], |sum, d| std::array::from_fn(|i| sum[i] + d[i] / count))
-    };
-    let states = |row: &Row| -> Vec<f64> { (0..model.links).flat_map(|j| mean(row, j)).collect() };
-    let read = |(row, slopes): (&Row, &noise::Slopes)| {
-        let states = states(row);
-        slopes.motion.iter().map(|(state, c)| c * states[*state]).sum()
-    };
-    rows.iter().zip(&model.slopes).map(read).collect()
-}
-
-/// What the rows change by with the logarithm of each gain of each joint's servo.
-fn gain_slopes(path: &MeasuredPath, rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
-    let of = |gain: usize, joint: usize| {
-        let motion = |j: usize, stamp_s: f64| {
-            if j == joint { path.by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
-        };
-        GainSlope { gain, joint, of_row: read_motion(rows, model, motion) }
-    };
-    (0..path.by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
 }
 
 impl JointBlock {
     fn assembled(
         run: &Run,
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
-        rows: Vec<Row>,
-        (model, (servos, by_gain)): (NoiseModel, (Vec<Servo>, Vec<GainSlope>)),
-        shift: Vec<f64>,
+        (rows, scale): (Vec<Row>, Vec<f64>),
+        (nominal, servos): (Linearization, Servos),
     ) -> Self {
         let mut channels: Vec<String> = Vec::new();
         let mut channel_of_row = Vec::with_capacity(rows.len());
@@ -278,7 +195,7 @@ impl JointBlock {
             });
             channel_of_row.push(at);
         }
-        let hyper = hyper_parameters(model.driven);
+        let hyper = hyper_parameters(nominal.model.driven);
         let measured = rows.iter().map(|r| r.value).collect();
         let (time_of_row, noise_of_row) =
             (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
@@ -289,13 +206,12 @@ impl JointBlock {
             loads,
             thrust,
             rows,
-            model,
+            scale,
+            nominal,
             anchors,
-            shift,
             hyper,
-            breakaway: Mutex::new(None),
+            present: Mutex::new(None),
             servos,
-            by_gain,
             measured,
             channel_of_row,
             channels,
@@ -304,14 +220,31 @@ impl JointBlock {
         }
     }
 
-    fn breakaway(&self) -> MutexGuard<'_, Option<Vec<f64>>> {
-        self.breakaway.lock().unwrap_or_else(PoisonError::into_inner)
+    fn present(&self) -> MutexGuard<'_, Option<Arc<Present>>> {
+        self.present.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What a plant with effects is about which everything is linearized.
+    fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
+        let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
+        let moving: Vec<Effect> = effects.iter().filter(|e| servos::moves(e)).cloned().collect();
+        let is_nominal = moving.is_empty() || self.anchors.is_some();
+        let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
+        let anew = || {
+            let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
+            let reference = simulated.as_ref().or(self.path.reference.as_ref());
+            Linearization::new(plant, mechanics, parts, &self.nominal.model, reference)
+        };
+        Present {
+            breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
+            linearization: if is_nominal { None } else { anew() },
+        }
     }
 
     /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
-    fn mix(&self, columns: &mut Columns) {
+    fn mix(&self, model: &NoiseModel, columns: &mut Columns) {
         for (k, row) in self.rows.iter().enumerate().rev() {
-            let (Kind::Tip(axis), Some((mix, _))) = (row.kind, &self.model.slopes[k].mix) else { continue };
+            let (Kind::Tip(axis), Some((mix, _))) = (row.kind, &model.slopes[k].mix) else { continue };
             for c in 0..axis {
                 let other = columns.row(k - axis + c).to_vec();
                 columns.row_mut(k).iter_mut().zip(other).for_each(|(v, o)| *v += mix[c] * o);
@@ -333,25 +266,19 @@ impl Block for JointBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let parts = (&self.run, &self.path, &self.loads);
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
-        let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        self.breakaway().get_or_insert_with(|| mechanics.physics(0.0).joints.iter().map(of).collect());
+        let present = self.present().get_or_insert_with(|| Arc::new(self.about(plant, effects, &mechanics))).clone();
+        let about = present.linearization.as_ref().unwrap_or(&self.nominal);
         let mut out = match &self.anchors {
             Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
-        out.iter_mut().zip(&self.shift).for_each(|(v, s)| *v += s);
-        for slope in &self.by_gain {
-            let gain = |servo: &Servo| response::GAINS[slope.gain](&mut servo.clone()).max(f64::MIN_POSITIVE);
-            let tuned = (gain(plant.servo(slope.joint)) / gain(&self.servos[slope.joint])).ln();
-            if tuned != 0.0 {
-                out.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += tuned * s);
-            }
-        }
+        out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
+        self.servos.tune(plant, &about.by_gain, &mut out);
         Ok(out)
     }
 
     fn forget(&self) {
-        *self.breakaway() = None;
+        *self.present() = None;
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {
@@ -359,10 +286,13 @@ impl Block for JointBlock {
     }
 
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
-        let hyper = Hyper::new(hyper, self.model.driven);
-        self.mix(columns);
-        let breakaway = self.breakaway().clone().unwrap_or_else(|| vec![0.0; self.model.links]);
-        self.model.whiten(&self.rows, (&hyper, &breakaway), columns)
+        let present = self.present().clone();
+        let about = present.as_ref().and_then(|p| p.linearization.as_ref()).unwrap_or(&self.nominal);
+        let hyper = Hyper::new(hyper, about.model.driven);
+        self.mix(&about.model, columns);
+        let unknown = vec![0.0; about.model.links];
+        let breakaway_n_m = present.as_ref().map_or(&unknown, |p| &p.breakaway_n_m);
+        about.model.whiten(&self.rows, (&hyper, breakaway_n_m), columns)
     }
 
     fn channel_of_row(&self) -> &[usize] {

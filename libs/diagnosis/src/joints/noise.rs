@@ -85,6 +85,34 @@ impl NoiseModel {
         Places { link, drive, tip, arrival, count }
     }
 
+    /// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
+    pub(super) fn read_motion(&self, rows: &[Row], motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
+        let mut out = self.read_mixed(rows, motion);
+        // The end-effector's rows are mixed in the slopes: back to plain ones.
+        for k in 0..rows.len() {
+            if let (Kind::Tip(axis), Some((mix, _))) = (rows[k].kind, &self.slopes[k].mix) {
+                out[k] -= (0..axis).map(|c| mix[c] * out[k - axis + c]).sum::<f64>();
+            }
+        }
+        out
+    }
+
+    /// The same of rows whose end-effector's are mixed ([`Slopes::mix`]).
+    pub(super) fn read_mixed(&self, rows: &[Row], motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
+        // Rows are means over their samples: so is the motion.
+        let mean = |row: &Row, joint: usize| -> [f64; 3] {
+            let count = row.stamps_s.len().max(1) as f64;
+            let all = row.stamps_s.iter().map(|stamp_s| motion(joint, *stamp_s));
+            all.fold([0.0; 3], |sum, d| std::array::from_fn(|i| sum[i] + d[i] / count))
+        };
+        let states = |row: &Row| -> Vec<f64> { (0..self.links).flat_map(|j| mean(row, j)).collect() };
+        let read = |(row, slopes): (&Row, &Slopes)| {
+            let states = states(row);
+            slopes.motion.iter().map(|(state, c)| c * states[*state]).sum()
+        };
+        rows.iter().zip(&self.slopes).map(read).collect()
+    }
+
     /// Whitens columns with these hyper-parameters, whose rows of the end-effector are mixed ([`Slopes::mix`]).
     pub(super) fn whiten(&self, rows: &[Row], (hyper, breakaway_n_m): (&Hyper, &[f64]), columns: &mut Columns) -> f64 {
         let places = self.places();

@@ -1,6 +1,6 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
-use super::response::{self, Nodes};
+use super::response::{self, Nodes, Response};
 use super::smoother::{Reading, smooth};
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
@@ -17,6 +17,24 @@ const SERVO_MERGE_S: f64 = 0.04;
 const LEAST_ANGLE_SD: f64 = 6e-6;
 const LEAST_RATE_SD: f64 = 6e-5;
 
+/// What encoders were to show: what the plant's servos make of the datagrams that they got, or the command, its mean lag taken off.
+#[derive(Clone, Debug)]
+pub(super) struct Reference {
+    /// Each joint's motion.
+    pub(super) joints: Vec<Track>,
+    /// How it depends on the logarithm of each of its servo's gains; empty without datagrams.
+    pub(super) by_gain: Vec<Vec<Track>>,
+}
+
+impl Reference {
+    fn of(response: Response, start_s: f64) -> Self {
+        let tracks =
+            |all: Vec<Nodes>| all.into_iter().map(|nodes| Track::new(start_s, NODE_S, nodes)).collect::<Vec<_>>();
+        let by_gain = response.by_gain.into_iter().map(tracks).collect();
+        Self { joints: tracks(response.nominal), by_gain }
+    }
+}
+
 /// What the sensors said of the motion.
 #[derive(Clone, Debug)]
 pub(super) struct MeasuredPath {
@@ -24,11 +42,8 @@ pub(super) struct MeasuredPath {
     pub(super) joints: Vec<Track>,
     /// Standard deviation of each smoothed encoder rate at the nodes, rad/s.
     rate_sd: Vec<Vec<f64>>,
-    /// What each joint's encoder was to show: what the plant's servos make of the datagrams that they got, or the command, its
-    /// mean lag taken off; `None` without commands.
-    pub(super) reference: Option<Vec<Track>>,
-    /// How each joint's reference depends on the logarithm of each of its servo's gains; empty without datagrams.
-    pub(super) by_gain: Vec<Vec<Track>>,
+    /// What each joint's encoder was to show; `None` without commands.
+    pub(super) reference: Option<Reference>,
     /// Motion capture of the base: x m, y m, theta rad; `None` where nothing was measured.
     pub(super) base: Option<[Track; 3]>,
     start_s: f64,
@@ -55,14 +70,14 @@ impl MeasuredPath {
         let tracks = |all: Vec<Nodes>| all.into_iter().map(track).collect::<Vec<_>>();
         let datagrams = run.commands.as_ref().filter(|c| c.joints.len() == links);
         let response = datagrams.and_then(|commands| response::response(plant, commands, &grid_s).ok());
-        let (reference, by_gain) = if let Some(response) = response {
-            (Some(tracks(response.nominal)), response.by_gain.into_iter().map(tracks).collect())
+        let reference = if let Some(response) = response {
+            Some(Reference::of(response, start_s))
         } else {
             let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
             let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
-            (command.map(|command| tracks(follow(command))), Vec::new())
+            command.map(|command| Reference { joints: tracks(follow(command)), by_gain: Vec::new() })
         };
-        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, by_gain, base: None, start_s, nodes };
+        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
         }
@@ -71,7 +86,7 @@ impl MeasuredPath {
     }
 
     fn add_joint(&mut self, joint: usize, readings: &[Reading], grid_s: &[f64]) {
-        let reference = self.reference.as_ref().map(|r| &r[joint]);
+        let reference = self.reference.as_ref().map(|r| &r.joints[joint]);
         let at = |t: f64| reference.map_or([0.0; 3], |track| track.at(t));
         let deviations: Vec<Reading> = readings
             .iter()
@@ -88,6 +103,11 @@ impl MeasuredPath {
         let nodes = grid_s.iter().zip(&smoothed).map(sum).collect();
         self.joints.push(Track::new(self.start_s, NODE_S, nodes));
         self.rate_sd.push(smoothed.iter().map(|s| s.rate_sd).collect());
+    }
+
+    /// What servos answer, on the nodes of this path.
+    pub(super) fn reference_of(&self, response: Response) -> Reference {
+        Reference::of(response, self.start_s)
     }
 
     /// Times of the nodes, s.
@@ -113,10 +133,10 @@ impl MeasuredPath {
         self.rate_sd[joint].get(node).or(self.rate_sd[joint].last()).copied().unwrap_or(0.0)
     }
 
-    /// How far each joint's path is from its reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
-    pub(super) fn deviation(&self, joint: usize, t_s: f64) -> [f64; 3] {
-        let Some(reference) = &self.reference else { return [0.0; 3] };
-        let (path, reference) = (self.joints[joint].at(t_s), reference[joint].at(t_s));
+    /// How far each joint's path is from a reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
+    pub(super) fn deviation(&self, joint: usize, t_s: f64, reference: Option<&Reference>) -> [f64; 3] {
+        let Some(reference) = reference else { return [0.0; 3] };
+        let (path, reference) = (self.joints[joint].at(t_s), reference.joints[joint].at(t_s));
         std::array::from_fn(|i| path[i] - reference[i])
     }
 }

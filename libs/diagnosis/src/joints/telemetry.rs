@@ -20,6 +20,13 @@ pub(super) fn interval_s(t_s: &[f64]) -> f64 {
     }
 }
 
+/// Median time between rows, s; 1 where there are none.
+pub(super) fn median_interval(t_s: &[f64]) -> f64 {
+    let mut intervals: Vec<f64> = t_s.windows(2).map(|w| w[1] - w[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
+}
+
 /// Angles without jumps of a turn.
 pub(super) fn unwrapped(values: &[f64]) -> Vec<f64> {
     let (mut turns, mut last) = (0.0, f64::NAN);

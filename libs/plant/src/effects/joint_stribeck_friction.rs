@@ -29,7 +29,9 @@ impl EffectKind for JointStribeckFriction {
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
-        Prior::sized(&[0.03 * torque], &[1e-3 * torque]).responding(Response::Shape(&[0.01, 0.03, 0.1]))
+        // The law of a friction is known no better than its size.
+        let stated = plant.uncertainty.as_ref().map_or(0.0, |uncertainty| uncertainty.coulomb_friction_n_m);
+        Prior::sized(&[0.03 * torque], &[stated.max(1e-3 * torque)]).responding(Response::Shape(&[0.01, 0.03, 0.1]))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
