@@ -16,6 +16,7 @@ use crate::files::write_silently;
 use crate::run::fly_fast;
 use clap::Args;
 use definition::{Campaign, TABLES, Wanted};
+use fss_records::table::{HAS_PARQUET, TableError};
 use fss_service::stop_on_signal;
 use indicatif::{ProgressBar, ProgressStyle};
 use journal::Journal;
@@ -167,6 +168,10 @@ fn opened(args: &CampaignArgs) -> Result<Campaign> {
 
 /// Flies what is left of a shard and writes its table; true where it was interrupted.
 fn fly_shard(campaign: &Campaign, shard: Shard, quiet: bool) -> Result<bool> {
+    if !HAS_PARQUET {
+        let path = campaign.folder.join(TABLES);
+        return Err(TableError::WithoutParquet { path }).into_diagnostic();
+    }
     let journal = Journal::open(&campaign.folder, &shard.name())?;
     let mut flown = journal::read_all(&campaign.folder)?;
     let left: Vec<u64> = (1..=campaign.count()).filter(|run| shard.has(*run) && !flown.contains_key(run)).collect();

@@ -2,13 +2,22 @@
 
 mod csv;
 mod matlab;
+#[cfg(feature = "parquet")]
 mod parquet;
+#[cfg(not(feature = "parquet"))]
+mod without_parquet;
 
 pub use csv::CsvFile;
 pub use matlab::MatlabFile;
+#[cfg(feature = "parquet")]
 pub use parquet::ParquetFile;
+#[cfg(not(feature = "parquet"))]
+pub use without_parquet::ParquetFile;
 
 use std::path::{Path, PathBuf};
+
+/// Whether this build writes Parquet files.
+pub const HAS_PARQUET: bool = cfg!(feature = "parquet");
 
 /// A file that takes a table part after part.
 pub trait TableFile: Sized {
@@ -74,7 +83,14 @@ pub enum TableError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// This build cannot write Parquet.
+    #[error("cannot write {path}: this program was built without Parquet; `cargo build --release --features parquet` has it, and so has the Debian package", path = path.display())]
+    WithoutParquet {
+        /// The file.
+        path: PathBuf,
+    },
     /// The Parquet library refused.
+    #[cfg(feature = "parquet")]
     #[error("cannot write {path}: {source}", path = path.display())]
     Parquet {
         /// The file.
