@@ -56,6 +56,9 @@ say fly
 in_root setpriv --reuid fss --regid fss --clear-groups sh -c \
     'cd /var/lib/fss && fss run /etc/fss/missions/hold.toml --fast --quiet --plant /etc/fss/plants/fss.toml > /dev/null'
 in_root test -s /var/lib/fss/out/hold/run.mcap || fail "no log"
+for program in fss fss-ground fss-bridge; do
+    in_root "$program" --version > /dev/null || fail "$program does not run"
+done
 in_root fss host check --launch /etc/fss/launch/vehicle.toml > /dev/null || true
 
 say "upgrade with an edited configuration"
