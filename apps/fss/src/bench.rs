@@ -18,7 +18,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use crate::files::TextFile;
+use fss_launcher::files::TextFile;
 
 /// What can be measured.
 #[derive(Subcommand)]

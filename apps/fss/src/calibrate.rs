@@ -5,7 +5,7 @@ mod dynamic;
 mod kinematic;
 mod plan;
 
-use crate::files::{PlantAndAnswer, write};
+use fss_launcher::files::{PlantAndAnswer, write};
 use clap::{Args, Subcommand};
 use dynamic::DynamicArgs;
 use fss_identify::calibrate::{Estimate, write as plant_file};

@@ -12,7 +12,7 @@ mod statistics;
 mod sweep;
 
 use crate::challenge::parse_seeds;
-use crate::files::write_silently;
+use fss_launcher::files::write_silently;
 use crate::run::fly_fast;
 use clap::Args;
 use definition::{Campaign, TABLES, Wanted};

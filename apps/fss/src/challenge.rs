@@ -19,7 +19,7 @@ mod story;
 mod table;
 mod vehicle;
 
-use crate::files::{read_plant, write_silently};
+use fss_launcher::files::{read_plant, write_silently};
 use clap::Args;
 use experiments::EXPERIMENTS;
 use fss_plant::Plant;

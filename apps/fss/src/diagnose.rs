@@ -8,7 +8,7 @@ pub mod read;
 pub mod runs;
 mod summary;
 
-use crate::files::{TextFile, write};
+use fss_launcher::files::{TextFile, write};
 use clap::Args;
 use engine::{Engine, diagnose};
 use fss_identify::measured::Run;

@@ -3,7 +3,7 @@
 #![allow(unreachable_pub)] // a program has no outside; `pub` means "for the other modules" here
 
 #[macro_use]
-mod console;
+extern crate fss_launcher;
 
 mod bench;
 mod calibrate;
@@ -12,12 +12,10 @@ mod challenge;
 mod compare;
 mod diagnose;
 mod drawing;
-mod files;
 mod generate;
 mod host;
 mod log;
 mod next_experiment;
-mod replay;
 mod report;
 mod run;
 mod top;
@@ -26,6 +24,7 @@ mod view;
 mod workspace;
 
 use clap::{Parser, Subcommand};
+use fss_launcher::{console, replay, soak};
 use std::process::ExitCode;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -50,7 +49,7 @@ enum Command {
     /// Run the simulated laboratory alone.
     Lab(run::LabArgs),
     /// Fly for long in real time, with random faults, kills and freezes, and report what went wrong.
-    Soak(run::SoakArgs),
+    Soak(soak::SoakArgs),
     /// Find what the simulation of a plant gets wrong about measured runs: where, why, and what knowing it gains.
     Diagnose(diagnose::DiagnoseArgs),
     /// Find the maneuver that decides best between causes that a diagnosis could not tell apart.
@@ -97,7 +96,7 @@ fn main() -> miette::Result<ExitCode> {
         Command::Campaign(args) => campaign::run(&args),
         Command::Service(args) => run::service(&args),
         Command::Lab(args) => run::lab(&args),
-        Command::Soak(args) => run::soak(&args),
+        Command::Soak(args) => soak::run(&args),
         Command::NextExperiment(args) => next_experiment::run(&args),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Calibrate(command) => calibrate::run(&command),

@@ -9,9 +9,9 @@ mod twins;
 
 use crate::diagnose::log;
 use crate::diagnose::read::{Cause, Diagnosis, read};
-use crate::files::{PlantAndAnswer, write, write_silently};
-use crate::run::fast;
-use crate::run::stack::{MISSIONS, Stack};
+use fss_launcher::files::{PlantAndAnswer, write, write_silently};
+use fss_launcher::fast;
+use fss_launcher::stack::{MISSIONS, Stack};
 use clap::Args;
 use fss_plant::{Effect, Plant};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};

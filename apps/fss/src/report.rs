@@ -8,7 +8,7 @@ mod tables;
 use crate::drawing::page;
 use crate::drawing::plane::picture;
 use crate::drawing::scene::{Cut, from_above, legend};
-use crate::files::write;
+use fss_launcher::files::write;
 use clap::Args;
 pub use flight::Flight;
 use fss_records::log::Log;

@@ -1,6 +1,6 @@
 //! `fss urdf`: the vehicle of a plant file, for viewers.
 
-use crate::files::read_plant;
+use fss_launcher::files::read_plant;
 use clap::Args;
 use miette::Result;
 use std::path::PathBuf;

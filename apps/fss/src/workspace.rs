@@ -3,7 +3,7 @@
 mod contours;
 mod figures;
 
-use crate::files::{TextFile, write};
+use fss_launcher::files::{TextFile, write};
 use clap::Args;
 use fss_identify::straight_path::{straight_path, straight_path_area_m2};
 use fss_identify::workspace::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};

@@ -1,6 +1,6 @@
 //! A browser without a window, which shows a page as one with a window does.
 
-use crate::run::time_of_process_ns;
+use fss_launcher::measured::time_of_process_ns;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rustix::process::{Pid, Signal, geteuid, kill_process_group};
 use std::os::unix::process::CommandExt;

@@ -3,7 +3,7 @@
 use super::Files;
 use super::answer::{self, Kind};
 use crate::diagnose::runs;
-use crate::files::read_plant;
+use fss_launcher::files::read_plant;
 use clap::{Args, ValueEnum};
 use fss_identify::calibrate::attitude::{self, Maneuver};
 use fss_identify::calibrate::dynamic::{self, Choice};

@@ -3,7 +3,7 @@
 use super::answer::{self, Kind};
 use super::{Files, write_calibrated};
 use crate::diagnose::{log, runs};
-use crate::files::read_plant;
+use fss_launcher::files::read_plant;
 use clap::Args;
 use fss_identify::calibrate::Estimate;
 use fss_identify::calibrate::kinematic::{self, Choice};

@@ -1,6 +1,6 @@
 //! `fss calibrate plan`: the postures that determine the kinematics best, as a mission.
 
-use crate::files::{read_plant, write};
+use fss_launcher::files::{read_plant, write};
 use clap::{Args, ValueEnum};
 use fss_identify::calibrate::kinematic::Choice;
 use fss_identify::calibrate::plan::{self, Criterion, Limits, Plan};

@@ -1,8 +1,8 @@
 //! What a campaign varies, and its folder.
 
 use super::sweep::{Sweep, SweptValue};
-use crate::files::write_silently;
-use crate::run::stack::{LABORATORY_FILE, Stack};
+use fss_launcher::files::write_silently;
+use fss_launcher::stack::{LABORATORY_FILE, Stack};
 use fss_service::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};

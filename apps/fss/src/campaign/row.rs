@@ -1,7 +1,8 @@
 //! What a campaign keeps of a run.
 
 use super::definition::Campaign;
-use crate::run::{Summary, fast};
+use fss_launcher::fast;
+use fss_launcher::summary::Summary;
 use fss_records::table::{Column, ParquetFile, Table, TableFile, Values};
 use miette::{IntoDiagnostic, Result};
 use serde::{Deserialize, Serialize};

@@ -33,7 +33,7 @@ exec {program} campaign --out {folder} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\"
         mission = campaign.stack.mission_name,
     );
     let path = campaign.folder.join("campaign.sbatch");
-    crate::files::write(&path, &script)?;
+    fss_launcher::files::write(&path, &script)?;
     say!("submit it with `sbatch {}`, where all machines see this folder;", path.display());
     say!(
         "`fss campaign --out {}` flies what may be missing then, and tells the figures of all",

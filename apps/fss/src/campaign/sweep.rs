@@ -1,6 +1,6 @@
 //! Values that vary from run to run, by their place in the plant file, the laboratory's, or the mission file.
 
-use crate::run::stack::Texts;
+use fss_launcher::stack::Texts;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::fmt;
 use std::str::FromStr;

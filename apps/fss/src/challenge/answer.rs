@@ -5,7 +5,7 @@
 
 use super::record::Record;
 use crate::diagnose::read::{Cause, ONSET, read};
-use crate::files::this_program;
+use fss_launcher::files::this_program;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -4,7 +4,7 @@
 //! Pulses are shortened by one factor for each experiment until the vehicle as its file says stays on the table.
 
 use super::path::Path;
-use crate::run::stack::MISSIONS;
+use fss_launcher::stack::MISSIONS;
 use fss_mission::Mission;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result, miette};

@@ -2,7 +2,7 @@
 
 use super::gates::{Gate, table};
 use super::play::Played;
-use crate::files::write_silently;
+use fss_launcher::files::write_silently;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -4,7 +4,7 @@ use super::WIDTH;
 use super::flight::Flight;
 use crate::drawing::plane::picture;
 use crate::drawing::strips::{COLOURS, Line, Mark, Strips};
-use crate::run::summary::{Navigation, navigation_error};
+use fss_launcher::summary::{Navigation, navigation_error};
 use fss_messages::{Event, LinksState, NavState, text_of};
 use std::fmt::Write;
 

@@ -2,8 +2,8 @@
 
 use crate::drawing::scene::{Moment, Table};
 use crate::drawing::strips::Span;
-use crate::run::stack::Stack;
-use crate::run::summary::Records;
+use fss_launcher::stack::Stack;
+use fss_launcher::summary::Records;
 use fss_messages::{LinksState, MAX_LINKS, MocapPose, Sample, ThrustersState, topic};
 use fss_multibody::Model;
 use fss_records::log::{Log, Samples};

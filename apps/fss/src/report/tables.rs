@@ -2,7 +2,7 @@
 
 use super::flight::Flight;
 use crate::drawing::page::{escape, table};
-use crate::run::summary::Summary;
+use fss_launcher::summary::Summary;
 use fss_messages::{Event, Health, text_of};
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,25 +1,14 @@
 //! `fss run`, `fss service` and `fss lab`: flying a mission, in real time or as fast as the machine allows.
 
-mod description;
-pub mod fast;
-pub mod figures;
-mod launcher;
-mod limits;
-mod listener;
-mod measured;
-mod member;
-mod notify;
-mod overruns;
 mod picture;
-mod processes;
-mod soak;
-pub mod stack;
-pub mod summary;
-mod witness;
 
 use crate::calibrate::{self, Calibrated};
 use crate::drawing::scene::Table;
-use crate::files::{TextFile, write_silently};
+use fss_launcher::files::{TextFile, write_silently};
+use fss_launcher::link_key::make_link_key;
+use fss_launcher::stack::{FAULT_EVERY_S, LOG_FILE, Stack};
+use fss_launcher::summary::{self, Records, Summary};
+use fss_launcher::{fast, launcher, member, processes};
 use clap::Args;
 use fss_bus::Service;
 use fss_bus::launch::Launch;
@@ -29,16 +18,9 @@ use fss_messages::MissionState;
 use fss_records::log::Log;
 use fss_service::{SiteArgs, stop_on_signal};
 use indicatif::{ProgressBar, ProgressStyle};
-pub use measured::{Measured, measured_flight, time_of_process_ns};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-pub use soak::SoakArgs;
-use stack::Stack;
-use std::fs::File;
-use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use summary::Records;
-pub use summary::Summary;
 
 /// Fly a mission.
 #[derive(Args)]
@@ -91,11 +73,6 @@ pub struct LabArgs {
     #[command(flatten)]
     site: SiteArgs,
 }
-
-/// Mean time between two faults that a seed draws, s.
-const FAULT_EVERY_S: f64 = 4.0;
-/// The log's name in a run's folder.
-const LOG_FILE: &str = "run.mcap";
 
 /// The plant file that a flight with the service `calibration` leaves in its folder.
 const CALIBRATED_FILE: &str = "calibrated.toml";
@@ -190,11 +167,6 @@ pub fn launch_of(path: Option<&Path>) -> Result<Launch> {
     Stack::load(path, None, "hold").map(|stack| stack.launch)
 }
 
-/// Flies for long, with faults and deaths.
-pub fn soak(args: &SoakArgs) -> Result<()> {
-    soak::run(args)
-}
-
 /// Runs one service as a process.
 pub fn service(args: &ServiceArgs) -> Result<()> {
     processes::service(&args.name, &args.site)
@@ -210,24 +182,6 @@ fn unused_folder(mission: &str) -> PathBuf {
     let numbered = (2..).map(|k| format!("{mission}-{k}"));
     let mut folders = std::iter::once(mission.to_owned()).chain(numbered).map(|name| Path::new("out").join(name));
     folders.find(|folder| !folder.join(LOG_FILE).exists()).unwrap_or_else(|| Path::new("out").join(mission))
-}
-
-/// Makes a key for the links of this run, where the launch file names one in the run's folder and none is there.
-fn make_link_key(stack: &Stack, folder: &Path) -> Result<()> {
-    use std::os::unix::fs::OpenOptionsExt;
-    let Some(name) = stack.launch.devices.link_key.as_ref().filter(|name| name.is_relative()) else { return Ok(()) };
-    let path = folder.join(name);
-    if path.exists() {
-        return Ok(());
-    }
-    let say = || format!("cannot make the link key {}", path.display());
-    let mut secret = [0; 32];
-    File::open("/dev/urandom")
-        .and_then(|mut random| random.read_exact(&mut secret))
-        .into_diagnostic()
-        .wrap_err_with(say)?;
-    let file = File::options().write(true).create_new(true).mode(0o600).open(&path);
-    file.and_then(|mut file| file.write_all(&secret)).into_diagnostic().wrap_err_with(say)
 }
 
 fn progress_bar(stack: &Stack, quiet: bool) -> ProgressBar {

@@ -1,6 +1,6 @@
 //! What the page shows of an instant, and what is on the table.
 
-use crate::run::stack::Stack;
+use fss_launcher::stack::Stack;
 use fss_messages::{Event, Health, LinksState, MAX_LINKS, MissionState, MocapPose, NavState, TruthState, text_of};
 use fss_multibody::{Coordinates, Model};
 use miette::{IntoDiagnostic, Result};

@@ -2,7 +2,7 @@
 
 use super::frame::{EventRow, HealthRow, Samples, Scene, mask};
 use super::server::Stream;
-use crate::run::stack::Stack;
+use fss_launcher::stack::Stack;
 use crate::top::{folder_of, only_stack};
 use clap::Args;
 use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};

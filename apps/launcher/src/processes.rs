@@ -1,10 +1,11 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
-use super::LOG_FILE;
-use super::description::{Description, unix_time_ns};
-use super::launcher::BIRTH_TIME;
-use super::stack::Stack;
+use crate::stack::LOG_FILE;
+use crate::description::{Description, unix_time_ns};
+use crate::launcher::BIRTH_TIME;
+use crate::stack::Stack;
 use crate::files::program_of;
+use crate::link_key::read_key;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::health::{Monitor, REPORT_PERIOD_NS};
@@ -271,21 +272,4 @@ fn wait_for_device<T>(path: &Path, mut open: impl FnMut() -> Result<T>) -> Resul
         std::thread::sleep(Duration::from_millis(20));
     }
     open()
-}
-
-/// The key that authenticates commands to the links; only its owner may read it.
-fn read_key(path: &Path) -> Result<Key> {
-    use std::os::unix::fs::PermissionsExt;
-    let say = || format!("link key {} ([devices] link_key)", path.display());
-    let mode = std::fs::metadata(path).into_diagnostic().wrap_err_with(say)?.permissions().mode();
-    if mode & 0o077 != 0 {
-        return Err(miette!(
-            help = format!("chmod 600 {}", path.display()),
-            "others may read it (mode {:o})",
-            mode & 0o777
-        )
-        .wrap_err(say()));
-    }
-    let secret = std::fs::read(path).into_diagnostic().wrap_err_with(say)?;
-    Key::new(&secret).into_diagnostic().wrap_err_with(say)
 }

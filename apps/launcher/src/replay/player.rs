@@ -12,7 +12,7 @@ const KEPT: usize = 100;
 
 /// One place in which a recomputed sample is not the recorded one.
 #[derive(Serialize)]
-pub struct Difference {
+pub(super) struct Difference {
     /// How often the service had been started.
     pub start: usize,
     /// The step since that start.
@@ -38,7 +38,7 @@ impl fmt::Display for Difference {
 
 /// What became of a service.
 #[derive(Serialize)]
-pub struct Verdict {
+pub(super) struct Verdict {
     /// Its name.
     pub service: &'static str,
     /// How often it was started.
@@ -56,7 +56,7 @@ pub struct Verdict {
 }
 
 /// A port that gets what a step's record names.
-pub trait Feeder {
+pub(super) trait Feeder {
     /// Gives a sample that was in hand before the step, though no step had seen it come; true where there was one.
     fn give_held(&mut self, _step: &Step, _port: usize) -> Result<bool, String> {
         Ok(false)
@@ -66,7 +66,7 @@ pub trait Feeder {
 }
 
 /// A topic.
-pub struct FromTopic<'a, T: Sample> {
+pub(super) struct FromTopic<'a, T: Sample> {
     recorded: &'a Recorded<T>,
     port: Output<T>,
     held: u64,
@@ -76,7 +76,7 @@ pub struct FromTopic<'a, T: Sample> {
 
 impl<'a, T: Sample> FromTopic<'a, T> {
     /// Of what was recorded of it.
-    pub fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
+    pub(super) fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
         Ok(Box::new(Self { recorded, port: Output::open(bus, recorded.topic)?, held: 0, from: 0 }))
     }
 
@@ -113,7 +113,7 @@ impl<T: Sample> Feeder for FromTopic<'_, T> {
 }
 
 /// A device: gives what it had for the step, and says how many messages that were.
-pub struct FromDevice<F> {
+pub(super) struct FromDevice<F> {
     /// What the messages are called.
     pub name: &'static str,
     /// Whether every message leaves a trace in the log.
@@ -133,20 +133,20 @@ impl<F: FnMut(&Step) -> u64> Feeder for FromDevice<F> {
 }
 
 /// A topic that the service writes.
-pub trait Checker {
+pub(super) trait Checker {
     /// Compares what the step published; returns how many samples.
     fn check(&mut self, step: &Step, found: &mut dyn FnMut(&'static str, Option<String>, String, String)) -> u64;
 }
 
 /// What was recorded of an output, and what comes out now.
-pub struct ToTopic<'a, T: Sample> {
+pub(super) struct ToTopic<'a, T: Sample> {
     recorded: &'a Recorded<T>,
     recomputed: Batch<T>,
 }
 
 impl<'a, T: Sample> ToTopic<'a, T> {
     /// Of what was recorded of it.
-    pub fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
+    pub(super) fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
         Ok(Box::new(Self { recorded, recomputed: Batch::open(bus, recorded.topic)? }))
     }
 }
@@ -212,7 +212,7 @@ fn value(scalar: Scalar, bytes: &[u8]) -> String {
 }
 
 /// A service on a bus of its own, with all that it reads and writes.
-pub struct Player<'a, S: Service> {
+pub(super) struct Player<'a, S: Service> {
     /// The core with its ports.
     pub runner: Runner<S>,
     /// One for each input port, in their order.
@@ -244,7 +244,7 @@ impl<S: Service> Player<'_, S> {
 ///
 /// # Errors
 /// Where a player cannot be made.
-pub fn replay<'a, S: Service, E>(
+pub(super) fn replay<'a, S: Service, E>(
     tape: &'a Tape,
     open: impl Fn(&[Step]) -> Result<Player<'a, S>, E>,
 ) -> Result<Verdict, E> {

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 static UNSAID: AtomicBool = AtomicBool::new(false);
 
 /// Says a line, as `println!` does.
+#[macro_export]
 macro_rules! say {
     () => {
         $crate::console::put(format_args!("\n"))
@@ -19,6 +20,7 @@ macro_rules! say {
 }
 
 /// Says part of a line, as `print!` does.
+#[macro_export]
 macro_rules! say_part {
     ($($words:tt)*) => {
         $crate::console::put(format_args!($($words)*))

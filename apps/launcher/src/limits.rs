@@ -41,7 +41,7 @@ impl Watched {
 }
 
 /// All that is watched.
-pub struct LimitWatch {
+pub(crate) struct LimitWatch {
     limits: Limits,
     batteries: [Watched; MAX_LINKS],
     lateness: BTreeMap<String, Watched>,
@@ -49,12 +49,12 @@ pub struct LimitWatch {
 
 impl LimitWatch {
     /// Watches these limits.
-    pub fn new(limits: Limits) -> Self {
+    pub(crate) fn new(limits: Limits) -> Self {
         Self { limits, batteries: [Watched::default(); MAX_LINKS], lateness: BTreeMap::new() }
     }
 
     /// Looks at the links' batteries; says each change.
-    pub fn look_at_links(&mut self, links: &LinksState, mut say: impl FnMut(u8, std::fmt::Arguments<'_>)) {
+    pub(crate) fn look_at_links(&mut self, links: &LinksState, mut say: impl FnMut(u8, std::fmt::Arguments<'_>)) {
         for (i, watched) in self.batteries.iter_mut().enumerate().take(links.link_count as usize) {
             let volts = links.battery_v[i];
             // Zero is no battery but no telemetry.
@@ -70,7 +70,7 @@ impl LimitWatch {
     }
 
     /// Looks at how late a service's steps end: yellow beyond half its deadline, red beyond all of it.
-    pub fn look_at_health(
+    pub(crate) fn look_at_health(
         &mut self,
         health: &Health,
         deadline_ns: u64,

@@ -6,12 +6,13 @@
 mod logs;
 mod memory;
 
-use super::launcher;
-use super::member::Site;
-use super::overruns::{Causes, Disturbances, Unexplained};
-use super::stack::Stack;
-use super::witness::{Testimony, Witness};
-use super::{FAULT_EVERY_S, make_link_key};
+use crate::launcher;
+use crate::member::Site;
+use crate::overruns::{Causes, Disturbances, Unexplained};
+use crate::stack::Stack;
+use crate::witness::{Testimony, Witness};
+use crate::link_key::make_link_key;
+use crate::stack::FAULT_EVERY_S;
 use clap::Args;
 use fss_bus::realtime;
 use fss_lab::Faults;

@@ -1,6 +1,6 @@
 //! A supervised process: how it is started, and how it is stopped.
 
-use super::notify;
+use crate::notify;
 use crate::files::this_program;
 use fss_bus::launch::Schedule;
 use fss_messages::MissionState;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use zerocopy::IntoBytes;
 
 /// First pause before a restart; it doubles with each restart of the same service.
-pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(10);
+pub(crate) const FIRST_PAUSE: Duration = Duration::from_millis(10);
 
 /// Where and as what the children run.
 pub struct Site {
@@ -31,24 +31,24 @@ pub struct Site {
 }
 
 /// One supervised process.
-pub(super) struct Member {
-    pub(super) schedule: Schedule,
-    pub(super) child: Option<Child>,
-    pub(super) said: Arc<Mutex<String>>,
-    pub(super) started: Instant,
-    pub(super) starts: u32,
-    pub(super) restart_at: Option<Instant>,
-    pub(super) pause: Duration,
+pub(crate) struct Member {
+    pub(crate) schedule: Schedule,
+    pub(crate) child: Option<Child>,
+    pub(crate) said: Arc<Mutex<String>>,
+    pub(crate) started: Instant,
+    pub(crate) starts: u32,
+    pub(crate) restart_at: Option<Instant>,
+    pub(crate) pause: Duration,
     /// Its last sign of life since its last start.
-    pub(super) heard: Option<Instant>,
+    pub(crate) heard: Option<Instant>,
     /// Whether it ever gave one.
-    pub(super) has_lived: bool,
+    pub(crate) has_lived: bool,
     /// Starts in a row that did not work.
-    pub(super) stillborn: u32,
+    pub(crate) stillborn: u32,
 }
 
 impl Member {
-    pub(super) fn new(schedule: Schedule) -> Self {
+    pub(crate) fn new(schedule: Schedule) -> Self {
         Self {
             schedule,
             child: None,
@@ -64,7 +64,7 @@ impl Member {
     }
 
     /// Starts its process; a mission goes on from `last`, what was published of it last.
-    pub(super) fn start(&mut self, site: &Site, last: Option<&MissionState>) -> Result<()> {
+    pub(crate) fn start(&mut self, site: &Site, last: Option<&MissionState>) -> Result<()> {
         let name = self.schedule.name.get_ref();
         self.starts += 1;
         self.started = Instant::now();
@@ -109,7 +109,7 @@ impl Member {
     }
 
     /// Its exit status, once, if it has ended.
-    pub(super) fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
+    pub(crate) fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
         let Some(child) = &mut self.child else { return Ok(None) };
         let status = child.try_wait()?;
         if status.is_some() {
@@ -119,14 +119,14 @@ impl Member {
         Ok(status)
     }
 
-    pub(super) fn ask_to_stop(&mut self) {
+    pub(crate) fn ask_to_stop(&mut self) {
         self.restart_at = None;
         if let Some(child) = &mut self.child {
             drop(child.stdin.take());
         }
     }
 
-    pub(super) fn stop(&mut self) {
+    pub(crate) fn stop(&mut self) {
         self.ask_to_stop();
         let Some(mut child) = self.child.take() else { return };
         let asked = Instant::now();

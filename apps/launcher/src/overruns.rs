@@ -1,6 +1,6 @@
 //! Why a step ended late: the host, a blow, a start, or nothing that is known.
 
-use super::witness::Late;
+use crate::witness::Late;
 use fss_bus::realtime;
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,7 +18,7 @@ const DISTURBED_NS: u64 = 1_500_000_000;
 
 /// How many overruns each cause explains.
 #[derive(Debug, Default, Serialize)]
-pub struct Causes {
+pub(crate) struct Causes {
     /// Between the step's boundary and its end the host held its core up, seen by a bare loop of the highest priority,
     /// for as long as the step ended after its deadline, but for what the loop cannot see.
     pub host_stalled: u64,
@@ -37,7 +37,7 @@ pub struct Causes {
 
 /// Steps that ended late for no reason that is known, between two reports of their service.
 #[derive(Debug, Serialize)]
-pub struct Unexplained {
+pub(crate) struct Unexplained {
     service: String,
     count: u64,
     /// When the report that counts them came, from the start of the stack, s.
@@ -52,7 +52,7 @@ pub struct Unexplained {
 
 /// What is known of a flight's disturbances.
 #[derive(Default)]
-pub struct Disturbances {
+pub(crate) struct Disturbances {
     /// When the host held a core up: core, from, to, ns.
     held_up: Mutex<Vec<(usize, u64, u64)>>,
     /// When processes were struck, ns.
@@ -61,7 +61,7 @@ pub struct Disturbances {
 
 impl Disturbances {
     /// Notes when the host does not run a loop of the highest priority on `core`, until `stop`.
-    pub fn watch(&self, core: usize, stop: &AtomicBool) {
+    pub(crate) fn watch(&self, core: usize, stop: &AtomicBool) {
         let _unpinned_where_refused = realtime::pin_to_core(core);
         let _late_itself_where_refused = realtime::set_fifo_priority(WATCH_PRIORITY);
         let Ok(mut next) = realtime::now() else { return };
@@ -86,13 +86,13 @@ impl Disturbances {
     }
 
     /// A process was struck at this time, ns.
-    pub fn note_blow(&self, at_ns: u64) {
+    pub(crate) fn note_blow(&self, at_ns: u64) {
         self.blows_ns.lock().unwrap_or_else(PoisonError::into_inner).push(at_ns);
     }
 
     /// Finds the cause of late steps of a service of this core and priority; `start_ns` is when the stack was started.
     /// Returns them where there is none.
-    pub fn explain(
+    pub(crate) fn explain(
         &self,
         late: &Late,
         (core, priority): (Option<usize>, Option<u8>),

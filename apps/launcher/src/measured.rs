@@ -1,9 +1,11 @@
 //! A flight whose processes' time is taken.
 
-use super::launcher;
-use super::member::Site;
-use super::stack::Stack;
-use super::{LOG_FILE, make_link_key, soak};
+use crate::launcher;
+use crate::member::Site;
+use crate::stack::Stack;
+use crate::link_key::make_link_key;
+use crate::soak;
+use crate::stack::LOG_FILE;
 use fss_messages::MissionState;
 use fss_service::stop_on_signal;
 use miette::{IntoDiagnostic, Result, miette};

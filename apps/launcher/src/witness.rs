@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// What a witness has seen.
 #[derive(Clone, Debug, Default)]
-pub struct Testimony {
+pub(crate) struct Testimony {
     /// The longest that a valve was seen open after the last command that opened it, ns.
     pub open_after_ns: u64,
     /// The same, less the time in which the world stood still meanwhile: what its valves did while they could do anything, ns.
@@ -28,7 +28,7 @@ pub struct Testimony {
 
 /// Steps of a service that ended late, between two of its reports.
 #[derive(Clone, Debug)]
-pub struct Late {
+pub(crate) struct Late {
     /// Whose.
     pub service: String,
     /// The report before, ns.
@@ -55,7 +55,7 @@ struct Opened {
 }
 
 /// Watches; to be asked to look every few milliseconds.
-pub struct Witness {
+pub(crate) struct Witness {
     commands: Batch<ThrustersCommand>,
     truth: Batch<TruthState>,
     health: Batch<Health>,
@@ -82,7 +82,7 @@ impl Witness {
     ///
     /// # Errors
     /// Where shared memory refuses.
-    pub fn join(prefix: &str, vehicle: &str) -> Result<Self> {
+    pub(crate) fn join(prefix: &str, vehicle: &str) -> Result<Self> {
         let config = SharedConfig { node: "witness".to_owned(), prefix: prefix.to_owned() };
         let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(vehicle);
         Ok(Self {
@@ -105,7 +105,7 @@ impl Witness {
     ///
     /// # Errors
     /// Where the clock cannot be read.
-    pub fn look(&mut self) -> Result<()> {
+    pub(crate) fn look(&mut self) -> Result<()> {
         let now = realtime::now().into_diagnostic()?;
         self.truth.refresh();
         self.commands.refresh();
@@ -176,7 +176,7 @@ impl Witness {
     ///
     /// # Errors
     /// Where the clock cannot be read.
-    pub fn note_blow(&mut self, service: &str) -> Result<u64> {
+    pub(crate) fn note_blow(&mut self, service: &str) -> Result<u64> {
         let now_ns = realtime::now().into_diagnostic()?.ns();
         self.struck_ns.insert(service.to_owned(), now_ns);
         Ok(now_ns)

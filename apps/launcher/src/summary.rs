@@ -1,7 +1,7 @@
 //! What happened in a run, told from its log alone.
 
-use super::figures::{self, CaptureFigures, CarryFigures, StopFigures};
-use super::stack::Stack;
+use crate::figures::{self, CaptureFigures, CarryFigures, StopFigures};
+use crate::stack::Stack;
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
 use fss_plant::Effect;
 use fss_records::log::{Log, LogError, Samples, TopicInfo};

@@ -1,7 +1,7 @@
 //! What the logs of a flight hold.
 
 use super::Soak;
-use crate::run::summary::Records;
+use crate::summary::Records;
 use fss_messages::{Header, text_of, topic};
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result};

@@ -7,21 +7,21 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::{Duration, Instant};
 
 /// Where systemd listens; a child must not speak for the launcher.
-pub const SOCKET_VARIABLE: &str = "NOTIFY_SOCKET";
+pub(crate) const SOCKET_VARIABLE: &str = "NOTIFY_SOCKET";
 /// Signs of life are so far apart; the unit's `WatchdogSec` is longer.
 const PERIOD: Duration = Duration::from_secs(1);
 /// Reading a long log at the end may take so long without one, microseconds.
 const END_TIME_US: u64 = 600_000_000;
 
 /// The line to systemd.
-pub struct Systemd {
+pub(crate) struct Systemd {
     line: Option<(UnixDatagram, SocketAddr)>,
     said: Option<Instant>,
 }
 
 impl Systemd {
     /// As the environment names it.
-    pub fn from_environment() -> Self {
+    pub(crate) fn from_environment() -> Self {
         Self::at(std::env::var_os(SOCKET_VARIABLE))
     }
 
@@ -37,7 +37,7 @@ impl Systemd {
     }
 
     /// Says that the flight lives, now and then, and once that it is ready.
-    pub fn live(&mut self, is_ready: bool) {
+    pub(crate) fn live(&mut self, is_ready: bool) {
         match self.said {
             None if is_ready => self.say("READY=1\nSTATUS=flies"),
             Some(said) if said.elapsed() >= PERIOD => self.say("WATCHDOG=1"),
@@ -47,7 +47,7 @@ impl Systemd {
     }
 
     /// Says that it stops flying, and that the log is read now.
-    pub fn ends(&self) {
+    pub(crate) fn ends(&self) {
         self.say(&format!("STATUS=has landed; reads its log\nWATCHDOG_USEC={END_TIME_US}"));
     }
 

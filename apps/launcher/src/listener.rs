@@ -1,6 +1,6 @@
 //! Hears a flight in this process: what a log would hold of it as far as its figures need it, without a log.
 
-use super::summary::Records;
+use crate::summary::Records;
 use fss_bus::virtual_time::Tick;
 use fss_bus::{Batch, Bus, BusError, InputPort, Time};
 use fss_messages::Sample;
@@ -19,7 +19,7 @@ const KEPT: [&str; 6] = [
 ];
 
 /// Stands where the recorder stands.
-pub struct Listener {
+pub(crate) struct Listener {
     topics: Vec<Box<dyn Hear>>,
 }
 
@@ -85,14 +85,14 @@ impl Listener {
     ///
     /// # Errors
     /// Where the bus refuses one.
-    pub fn new(bus: &Bus) -> Result<Self, BusError> {
+    pub(crate) fn new(bus: &Bus) -> Result<Self, BusError> {
         let mut opener = Opener { bus, opened: Ok(Vec::new()) };
         topic::visit(&mut opener);
         Ok(Self { topics: opener.opened? })
     }
 
     /// What it has heard.
-    pub fn told(self) -> Records {
+    pub(crate) fn told(self) -> Records {
         let mut records = Records::default();
         for (info, samples) in self.topics.into_iter().map(Hear::told) {
             if info.count > 0 {

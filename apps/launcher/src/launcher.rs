@@ -1,9 +1,9 @@
 //! The launcher: starts the services of a launch file as processes, watches them, restarts what dies, stops them in order.
 
-use super::limits::LimitWatch;
-use super::member::{FIRST_PAUSE, Member, Site};
-use super::notify::Systemd;
-use super::stack::Stack;
+use crate::limits::LimitWatch;
+use crate::member::{FIRST_PAUSE, Member, Site};
+use crate::notify::Systemd;
+use crate::stack::Stack;
 use crate::files::program_of;
 use fss_bus::launch::{BRIDGE, GROUND, PROGRAMS};
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
@@ -31,7 +31,7 @@ const STILLBORN: Duration = Duration::from_millis(500);
 /// So many starts in a row that did not work, of a service that the flight needs, end it in safe mode.
 const STILLBORN_LIMIT: u32 = 8;
 /// How long a service may take to give its first sign of life.
-pub(super) const BIRTH_TIME: Duration = Duration::from_secs(5);
+pub(crate) const BIRTH_TIME: Duration = Duration::from_secs(5);
 /// A launcher that was itself held up for so long cannot tell who else was.
 const OWN_STALL: Duration = Duration::from_millis(150);
 /// How long safe mode is recorded before the run ends.

@@ -14,28 +14,33 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
+/// Mean time between two faults that a seed draws, s.
+pub const FAULT_EVERY_S: f64 = 4.0;
+/// The log's name in a run's folder.
+pub const LOG_FILE: &str = "run.mcap";
+
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[
-    ("hold", include_str!("../../../../deploy/etc/missions/hold.toml")),
-    ("slew", include_str!("../../../../deploy/etc/missions/slew.toml")),
-    ("reach", include_str!("../../../../deploy/etc/missions/reach.toml")),
-    ("zero-reaction", include_str!("../../../../deploy/etc/missions/zero-reaction.toml")),
-    ("detumble", include_str!("../../../../deploy/etc/missions/detumble.toml")),
-    ("capture", include_str!("../../../../deploy/etc/missions/capture.toml")),
-    ("drift", include_str!("../../../../deploy/etc/missions/drift.toml")),
-    ("service", include_str!("../../../../deploy/etc/missions/service.toml")),
-    ("calibrate", include_str!("../../../../deploy/etc/missions/calibrate.toml")),
-    ("experiment-coast", include_str!("../../../../deploy/etc/missions/experiment-coast.toml")),
-    ("experiment-single-joint", include_str!("../../../../deploy/etc/missions/experiment-single-joint.toml")),
-    ("experiment-excitation", include_str!("../../../../deploy/etc/missions/experiment-excitation.toml")),
-    ("experiment-thrusters", include_str!("../../../../deploy/etc/missions/experiment-thrusters.toml")),
-    ("experiment-mixed", include_str!("../../../../deploy/etc/missions/experiment-mixed.toml")),
-    ("experiment-validation", include_str!("../../../../deploy/etc/missions/experiment-validation.toml")),
+    ("hold", include_str!("../../../deploy/etc/missions/hold.toml")),
+    ("slew", include_str!("../../../deploy/etc/missions/slew.toml")),
+    ("reach", include_str!("../../../deploy/etc/missions/reach.toml")),
+    ("zero-reaction", include_str!("../../../deploy/etc/missions/zero-reaction.toml")),
+    ("detumble", include_str!("../../../deploy/etc/missions/detumble.toml")),
+    ("capture", include_str!("../../../deploy/etc/missions/capture.toml")),
+    ("drift", include_str!("../../../deploy/etc/missions/drift.toml")),
+    ("service", include_str!("../../../deploy/etc/missions/service.toml")),
+    ("calibrate", include_str!("../../../deploy/etc/missions/calibrate.toml")),
+    ("experiment-coast", include_str!("../../../deploy/etc/missions/experiment-coast.toml")),
+    ("experiment-single-joint", include_str!("../../../deploy/etc/missions/experiment-single-joint.toml")),
+    ("experiment-excitation", include_str!("../../../deploy/etc/missions/experiment-excitation.toml")),
+    ("experiment-thrusters", include_str!("../../../deploy/etc/missions/experiment-thrusters.toml")),
+    ("experiment-mixed", include_str!("../../../deploy/etc/missions/experiment-mixed.toml")),
+    ("experiment-validation", include_str!("../../../deploy/etc/missions/experiment-validation.toml")),
 ];
 
 /// The launch file that is used where none is given.
-pub const DEFAULT_LAUNCH: &str = include_str!("../../../../deploy/etc/launch/lab.toml");
-const DEFAULT_PLANT: &str = include_str!("../../../../deploy/etc/plants/fss.toml");
+pub const DEFAULT_LAUNCH: &str = include_str!("../../../deploy/etc/launch/lab.toml");
+const DEFAULT_PLANT: &str = include_str!("../../../deploy/etc/plants/fss.toml");
 
 const FAULTS_FILE: &str = "faults.toml";
 /// The laboratory's own plant file, which may be another than the services believe.

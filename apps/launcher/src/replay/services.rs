@@ -2,7 +2,7 @@
 
 use super::player::{Checker, Feeder, FromDevice, FromTopic, Player, ToTopic, Verdict, replay};
 use super::tape::Tape;
-use crate::run::stack::Stack;
+use crate::stack::Stack;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::{Bus, Feed, Queue, Runner, Service};
@@ -19,7 +19,7 @@ use miette::{IntoDiagnostic, Result, miette};
 ///
 /// # Errors
 /// Where a service cannot be made from the stack's files.
-pub fn replay_all(stack: &Stack, tape: &Tape) -> Result<Vec<Verdict>> {
+pub(super) fn replay_all(stack: &Stack, tape: &Tape) -> Result<Vec<Verdict>> {
     let mut verdicts = vec![
         replay(tape, |_| fusion(stack, tape))?,
         replay(tape, |life| links(stack, tape, life))?,

@@ -9,7 +9,7 @@ use fss_messages::{
 use fss_records::log::{Log, LogError, Samples};
 
 /// The samples of a topic in the order of their publication.
-pub struct Recorded<T> {
+pub(super) struct Recorded<T> {
     /// The topic's name, without the vehicle's.
     pub topic: Topic<T>,
     samples: Vec<T>,
@@ -25,30 +25,30 @@ impl<T: Sample> Recorded<T> {
     }
 
     /// Of another vehicle's samples, the first of this sequence from the `from`-th on, and its place.
-    pub fn next_of_sequence(&self, sequence: u64, from: usize) -> Option<(usize, &T)> {
+    pub(super) fn next_of_sequence(&self, sequence: u64, from: usize) -> Option<(usize, &T)> {
         self.samples.iter().enumerate().skip(from).find(|(_, sample)| sample.header().sequence == sequence)
     }
 
     /// What was published at this time: by one step, unless several services speak on the topic.
-    pub fn at(&self, published_ns: u64) -> &[T] {
+    pub(super) fn at(&self, published_ns: u64) -> &[T] {
         let from = self.samples.partition_point(|sample| sample.header().published_ns < published_ns);
         let to = self.samples.partition_point(|sample| sample.header().published_ns <= published_ns);
         &self.samples[from..to]
     }
 
     /// The newest sample of this sequence that was published by `until_ns`: a publisher that starts anew counts anew.
-    pub fn of_sequence(&self, sequence: u64, until_ns: u64) -> Option<&T> {
+    pub(super) fn of_sequence(&self, sequence: u64, until_ns: u64) -> Option<&T> {
         let end = self.samples.partition_point(|sample| sample.header().published_ns <= until_ns);
         self.samples[..end].iter().rfind(|sample| sample.header().sequence == sequence)
     }
 
     /// The newest that was published before `published_ns`.
-    pub fn before(&self, published_ns: u64) -> Option<&T> {
+    pub(super) fn before(&self, published_ns: u64) -> Option<&T> {
         self.samples[..self.samples.partition_point(|sample| sample.header().published_ns < published_ns)].last()
     }
 
     /// All from `published_ns` on.
-    pub fn since(&self, published_ns: u64) -> &[T] {
+    pub(super) fn since(&self, published_ns: u64) -> &[T] {
         &self.samples[self.samples.partition_point(|sample| sample.header().published_ns < published_ns)..]
     }
 }
@@ -65,7 +65,7 @@ fn full_name<T>(launch: &Launch, topic: &Topic<T>) -> String {
 macro_rules! tape {
     ($( $(#[$doc:meta])* $field:ident: $sample:ident = $topic:expr, )*) => {
         /// The topics that services read and write, and the record of their steps.
-        pub struct Tape {
+        pub(crate) struct Tape {
             $( $(#[$doc])* pub $field: Recorded<$sample>, )*
             /// Every step of every service, in the order of the log.
             pub steps: Vec<Step>,
@@ -76,7 +76,7 @@ macro_rules! tape {
             ///
             /// # Errors
             /// Where the log cannot be read, or another build recorded it.
-            pub fn read(logs: &[Log], launch: &Launch) -> Result<Self, LogError> {
+            pub(crate) fn read(logs: &[Log], launch: &Launch) -> Result<Self, LogError> {
                 $( let mut $field = Samples::<$sample>::of(&full_name(launch, &$topic)); )*
                 let mut steps = Samples::<Step>::of(&full_name(launch, &topic::STEPS));
                 for log in logs {
@@ -112,7 +112,7 @@ tape! {
 
 impl Tape {
     /// The steps of a service, life by life: each start of its process, or what the log still holds of it.
-    pub fn lives(&self, service: &str) -> Vec<Vec<Step>> {
+    pub(super) fn lives(&self, service: &str) -> Vec<Vec<Step>> {
         let mut steps: Vec<Step> =
             self.steps.iter().filter(|step| text_of(&step.service) == service).copied().collect();
         steps.sort_by_key(|step| step.published_ns);

@@ -4,7 +4,7 @@ mod player;
 mod services;
 mod tape;
 
-use crate::run::stack::Stack;
+use crate::stack::Stack;
 use clap::Args;
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result, miette};

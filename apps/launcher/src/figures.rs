@@ -1,6 +1,6 @@
 //! Figures of merit of missions that stop a vehicle, capture a target or carry one, from the truth.
 
-use super::stack::Stack;
+use crate::stack::Stack;
 use fss_base::stop::{Body, least_impulse};
 use fss_messages::{MissionState, TruthState};
 use fss_multibody::{Model, State};

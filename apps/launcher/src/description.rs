@@ -1,6 +1,6 @@
 //! What each log of a run says about it.
 
-use super::stack::Stack;
+use crate::stack::Stack;
 
 use fss_bus::realtime;
 use fss_plant::urdf::urdf;
@@ -13,7 +13,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 const URDF_FILE: &str = "vehicle.urdf";
 
 /// What each log of a run says about it: the stack's files and the facts of the build and the host.
-pub struct Description {
+pub(crate) struct Description {
     files: Vec<(&'static str, String)>,
     facts: BTreeMap<String, String>,
 }
@@ -23,7 +23,7 @@ impl Description {
     ///
     /// # Errors
     /// Where the computer's clocks cannot be read.
-    pub fn new(stack: &Stack, clock: &str, seed: u64) -> Result<Self> {
+    pub(crate) fn new(stack: &Stack, clock: &str, seed: u64) -> Result<Self> {
         let mut facts = BTreeMap::from([
             ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("clock".to_owned(), clock.to_owned()),
@@ -49,7 +49,7 @@ impl Description {
     ///
     /// # Errors
     /// Where the log refuses.
-    pub fn write_to(&self, log: &mut LogWriter) -> Result<(), LogError> {
+    pub(crate) fn write_to(&self, log: &mut LogWriter) -> Result<(), LogError> {
         for (name, text) in &self.files {
             let media_type = if *name == URDF_FILE { "application/xml" } else { "application/toml" };
             log.attach(name, media_type, text)?;
@@ -58,7 +58,7 @@ impl Description {
     }
 }
 
-pub(super) fn unix_time_ns() -> Result<u64> {
+pub(crate) fn unix_time_ns() -> Result<u64> {
     let since =
         SystemTime::now().duration_since(UNIX_EPOCH).into_diagnostic().wrap_err("the calendar clock is unset")?;
     Ok(since.as_nanos() as u64)

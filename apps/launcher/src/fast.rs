@@ -1,10 +1,10 @@
 //! A whole run in one process on a virtual clock: the same cores, the same device bytes, as fast as the machine allows.
 
-use super::description::Description;
-use super::listener::Listener;
-use super::processes::start_of;
-use super::stack::Stack;
-use super::summary::Records;
+use crate::description::Description;
+use crate::listener::Listener;
+use crate::processes::start_of;
+use crate::stack::Stack;
+use crate::summary::Records;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::launch::Schedule;

@@ -1,7 +1,7 @@
 //! What a stack holds in memory, and whether that grows.
 
 use super::SETTLED;
-use crate::run::member::Site;
+use crate::member::Site;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::PoisonError;
 use std::time::Instant;
