@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use witness::Witness;
 
 #[allow(dead_code, unreachable_pub)] // the program asks more of it
-#[path = "../apps/fss/src/run/witness.rs"]
+#[path = "../apps/launcher/src/witness.rs"]
 mod witness;
 
 mod common;

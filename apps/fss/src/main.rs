@@ -5,26 +5,17 @@
 #[macro_use]
 extern crate fss_launcher;
 
-mod bench;
-mod calibrate;
-mod campaign;
-mod challenge;
-mod compare;
-mod diagnose;
-mod drawing;
 mod generate;
 mod host;
 mod log;
-mod next_experiment;
-mod report;
 mod run;
-mod top;
 mod urdf;
-mod view;
-mod workspace;
 
 use clap::{Parser, Subcommand};
+use fss_bench as bench;
 use fss_launcher::{console, replay, soak};
+use fss_report::{calibrate, compare, diagnose, report, top, view, workspace};
+use fss_trials::{campaign, challenge, next_experiment};
 use std::process::ExitCode;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;

@@ -1,7 +1,7 @@
 //! `fss urdf`: the vehicle of a plant file, for viewers.
 
-use fss_launcher::files::read_plant;
 use clap::Args;
+use fss_launcher::files::read_plant;
 use miette::Result;
 use std::path::PathBuf;
 

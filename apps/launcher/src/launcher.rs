@@ -1,10 +1,10 @@
 //! The launcher: starts the services of a launch file as processes, watches them, restarts what dies, stops them in order.
 
+use crate::files::program_of;
 use crate::limits::LimitWatch;
 use crate::member::{FIRST_PAUSE, Member, Site};
 use crate::notify::Systemd;
 use crate::stack::Stack;
-use crate::files::program_of;
 use fss_bus::launch::{BRIDGE, GROUND, PROGRAMS};
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};

@@ -1,11 +1,11 @@
 //! A flight whose processes' time is taken.
 
 use crate::launcher;
-use crate::member::Site;
-use crate::stack::Stack;
 use crate::link_key::make_link_key;
+use crate::member::Site;
 use crate::soak;
 use crate::stack::LOG_FILE;
+use crate::stack::Stack;
 use fss_messages::MissionState;
 use fss_service::stop_on_signal;
 use miette::{IntoDiagnostic, Result, miette};

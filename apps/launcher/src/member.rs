@@ -1,7 +1,7 @@
 //! A supervised process: how it is started, and how it is stopped.
 
-use crate::notify;
 use crate::files::this_program;
+use crate::notify;
 use fss_bus::launch::Schedule;
 use fss_messages::MissionState;
 use fss_service::{STOP_TIME, SiteArgs};

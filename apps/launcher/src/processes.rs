@@ -1,11 +1,11 @@
 //! One process of a stack: a service with its devices, or the laboratory.
 
-use crate::stack::LOG_FILE;
 use crate::description::{Description, unix_time_ns};
-use crate::launcher::BIRTH_TIME;
-use crate::stack::Stack;
 use crate::files::program_of;
+use crate::launcher::BIRTH_TIME;
 use crate::link_key::read_key;
+use crate::stack::LOG_FILE;
+use crate::stack::Stack;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::health::{Monitor, REPORT_PERIOD_NS};

@@ -7,12 +7,12 @@ mod logs;
 mod memory;
 
 use crate::launcher;
+use crate::link_key::make_link_key;
 use crate::member::Site;
 use crate::overruns::{Causes, Disturbances, Unexplained};
+use crate::stack::FAULT_EVERY_S;
 use crate::stack::Stack;
 use crate::witness::{Testimony, Witness};
-use crate::link_key::make_link_key;
-use crate::stack::FAULT_EVERY_S;
 use clap::Args;
 use fss_bus::realtime;
 use fss_lab::Faults;

@@ -19,9 +19,9 @@ mod story;
 mod table;
 mod vehicle;
 
-use fss_launcher::files::{read_plant, write_silently};
 use clap::Args;
 use experiments::EXPERIMENTS;
+use fss_launcher::files::{read_plant, write_silently};
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, Result, miette};

@@ -1,5 +1,10 @@
 //! `fss bench`: how fast this build is on this machine, and how well the diagnosis is calibrated.
 
+#![warn(clippy::print_stdout)] // what is said goes through `console`
+
+#[macro_use]
+extern crate fss_launcher;
+
 mod browser;
 mod calibration;
 mod distribution;

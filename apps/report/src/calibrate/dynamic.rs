@@ -3,12 +3,12 @@
 use super::Files;
 use super::answer::{self, Kind};
 use crate::diagnose::runs;
-use fss_launcher::files::read_plant;
 use clap::{Args, ValueEnum};
 use fss_identify::calibrate::attitude::{self, Maneuver};
 use fss_identify::calibrate::dynamic::{self, Choice};
 use fss_identify::calibrate::{CalibrationError, Estimate};
 use fss_identify::measured::Run;
+use fss_launcher::files::read_plant;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Report, Result, miette};
 

@@ -5,8 +5,8 @@ use super::charts::finish;
 use super::flight::Flight;
 use crate::drawing::page;
 use crate::drawing::strips::{COLOURS, Line, Strips};
-use fss_launcher::figures::{CaptureFigures, StopFigures, momenta};
 use fss_lab::{GRIPPER_REACH_M, GRIPPER_SPEED_M_S};
+use fss_launcher::figures::{CaptureFigures, StopFigures, momenta};
 use fss_messages::{MissionState, TruthState};
 use std::fmt::Write;
 

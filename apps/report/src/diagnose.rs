@@ -8,10 +8,10 @@ pub mod read;
 pub mod runs;
 mod summary;
 
-use fss_launcher::files::{TextFile, write};
 use clap::Args;
 use engine::{Engine, diagnose};
 use fss_identify::measured::Run;
+use fss_launcher::files::{TextFile, write};
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};

@@ -2,8 +2,8 @@
 
 use super::browser::{self, Browser};
 use super::distribution::Distribution;
-use fss_launcher::measured::{Measured, measured_flight};
 use fss_bus::{Bus, remove_dead_nodes};
+use fss_launcher::measured::{Measured, measured_flight};
 use fss_messages::{Health, text_of, topic};
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};

@@ -7,13 +7,13 @@
 
 mod twins;
 
-use crate::diagnose::log;
-use crate::diagnose::read::{Cause, Diagnosis, read};
-use fss_launcher::files::{PlantAndAnswer, write, write_silently};
-use fss_launcher::fast;
-use fss_launcher::stack::{MISSIONS, Stack};
 use clap::Args;
+use fss_launcher::fast;
+use fss_launcher::files::{PlantAndAnswer, write, write_silently};
+use fss_launcher::stack::{MISSIONS, Stack};
 use fss_plant::{Effect, Plant};
+use fss_report::diagnose::log;
+use fss_report::diagnose::read::{Cause, Diagnosis, read};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
 use serde::Serialize;

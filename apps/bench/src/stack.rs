@@ -1,9 +1,9 @@
 //! What the whole stack costs at its launch rates, and how old a measurement is when the valves hear of it.
 
 use super::distribution::{Distribution, Percentiles};
-use fss_launcher::stack::Stack;
-use fss_launcher::measured::{Measured, measured_flight};
 use fss_bus::Bus;
+use fss_launcher::measured::{Measured, measured_flight};
+use fss_launcher::stack::Stack;
 use fss_messages::{NavState, Step, ThrustersState, text_of, topic};
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result, miette};

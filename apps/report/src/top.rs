@@ -1,8 +1,8 @@
 //! `fss top`: a running stack, live: rates, jitter, ages, health, batteries, valves.
 
-use fss_launcher::stack::Stack;
 use clap::Args;
 use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
+use fss_launcher::stack::Stack;
 use fss_messages::{Event, Health, LinksState, MissionState, NavState, ThrustersState, text_of, topic};
 use miette::{IntoDiagnostic, Result, miette};
 use std::collections::{BTreeMap, VecDeque};

@@ -4,8 +4,8 @@
 //! answers in JSON. So no secret can leak to it.
 
 use super::record::Record;
-use crate::diagnose::read::{Cause, ONSET, read};
 use fss_launcher::files::this_program;
+use fss_report::diagnose::read::{Cause, ONSET, read};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

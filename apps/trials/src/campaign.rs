@@ -12,11 +12,11 @@ mod statistics;
 mod sweep;
 
 use crate::challenge::parse_seeds;
-use fss_launcher::files::write_silently;
-use crate::run::fly_fast;
 use clap::Args;
 use definition::{Campaign, TABLES, Wanted};
+use fss_launcher::files::write_silently;
 use fss_records::table::{HAS_PARQUET, TableError};
+use fss_report::flown::fly_fast;
 use fss_service::stop_on_signal;
 use indicatif::{ProgressBar, ProgressStyle};
 use journal::Journal;

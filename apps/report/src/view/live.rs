@@ -2,10 +2,10 @@
 
 use super::frame::{EventRow, HealthRow, Samples, Scene, mask};
 use super::server::Stream;
-use fss_launcher::stack::Stack;
 use crate::top::{folder_of, only_stack};
 use clap::Args;
 use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
+use fss_launcher::stack::Stack;
 use fss_messages::{Event, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic};
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;

@@ -3,11 +3,11 @@
 use super::answer::{self, Kind};
 use super::{Files, write_calibrated};
 use crate::diagnose::{log, runs};
-use fss_launcher::files::read_plant;
 use clap::Args;
 use fss_identify::calibrate::Estimate;
 use fss_identify::calibrate::kinematic::{self, Choice};
 use fss_identify::measured::Run;
+use fss_launcher::files::read_plant;
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::Value;

@@ -5,10 +5,10 @@ mod dynamic;
 mod kinematic;
 mod plan;
 
-use fss_launcher::files::{PlantAndAnswer, write};
 use clap::{Args, Subcommand};
 use dynamic::DynamicArgs;
 use fss_identify::calibrate::{Estimate, write as plant_file};
+use fss_launcher::files::{PlantAndAnswer, write};
 use fss_plant::Plant;
 use kinematic::KinematicArgs;
 pub use kinematic::{Calibrated, of_log};
