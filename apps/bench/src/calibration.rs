@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 /// What the benchmark found.
 #[derive(Serialize)]
-pub struct Calibration {
+pub(crate) struct Calibration {
     format: &'static str,
     seed: u64,
     runs_per_case: u64,
@@ -32,7 +32,7 @@ pub struct Calibration {
 }
 
 /// Diagnoses so many cases, one a thread.
-pub fn measure(cases: u64, seed: u64) -> Result<Calibration> {
+pub(crate) fn measure(cases: u64, seed: u64) -> Result<Calibration> {
     let start = Instant::now();
     let plant = plant()?;
     let bar = progress_bar(cases);
@@ -99,7 +99,7 @@ fn progress_bar(cases: u64) -> ProgressBar {
 
 impl Calibration {
     /// The table for a person.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         let s = &self.statistics;
         say!(
             "{} cases of {} runs of {} s, seed {}, in {:.0} s; {} more were impossible",

@@ -5,11 +5,11 @@ use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
 /// A histogram of nanoseconds.
-pub struct Distribution(Histogram<u64>);
+pub(crate) struct Distribution(Histogram<u64>);
 
 /// What is told of a distribution.
 #[derive(Clone, Copy, Default, Serialize)]
-pub struct Percentiles {
+pub(crate) struct Percentiles {
     /// Half are below.
     pub p50: f64,
     /// 90 of 100 are below.
@@ -24,27 +24,27 @@ pub struct Percentiles {
 
 impl Distribution {
     /// Of times up to 10 s, to three digits.
-    pub fn new() -> Result<Self> {
+    pub(crate) fn new() -> Result<Self> {
         Histogram::new_with_bounds(1, 10_000_000_000, 3).map(Self).into_diagnostic()
     }
 
     /// Takes one, ns.
-    pub fn record(&mut self, ns: u64) {
+    pub(crate) fn record(&mut self, ns: u64) {
         self.0.saturating_record(ns);
     }
 
     /// Forgets what it took.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.0.reset();
     }
 
     /// How many were taken.
-    pub fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         self.0.len()
     }
 
     /// The percentiles in a unit of which one nanosecond is `scale`.
-    pub fn percentiles(&self, scale: f64) -> Percentiles {
+    pub(crate) fn percentiles(&self, scale: f64) -> Percentiles {
         let at = |quantile| self.0.value_at_quantile(quantile) as f64 * scale;
         Percentiles { p50: at(0.5), p90: at(0.9), p99: at(0.99), p99_9: at(0.999), max: self.0.max() as f64 * scale }
     }
@@ -52,7 +52,7 @@ impl Distribution {
 
 impl Percentiles {
     /// How many times another's each is.
-    pub fn over(&self, other: &Self) -> Self {
+    pub(crate) fn over(&self, other: &Self) -> Self {
         Self {
             p50: self.p50 / other.p50,
             p90: self.p90 / other.p90,
@@ -63,7 +63,7 @@ impl Percentiles {
     }
 
     /// What is usual of several: the median of each percentile, and the largest of all.
-    pub fn median(of: &[Self]) -> Self {
+    pub(crate) fn median(of: &[Self]) -> Self {
         let median = |get: fn(&Self) -> f64| {
             let mut values: Vec<f64> = of.iter().map(get).collect();
             values.sort_by(f64::total_cmp);

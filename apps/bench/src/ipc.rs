@@ -36,7 +36,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 
 /// What the benchmark found.
 #[derive(Serialize)]
-pub struct IpcTimes {
+pub(crate) struct IpcTimes {
     format: &'static str,
     payload_bytes: usize,
     round_trips: u64,
@@ -66,7 +66,7 @@ trait End {
 type Opener = Box<dyn FnOnce() -> Result<Box<dyn End>> + Send>;
 
 /// Measures all ways in turns.
-pub fn measure() -> Result<IpcTimes> {
+pub(crate) fn measure() -> Result<IpcTimes> {
     let prefix = format!("fssbench_{}_", std::process::id());
     let ways: [(&'static str, WayOf); 5] = [
         ("bus", bus_way),
@@ -106,7 +106,7 @@ pub fn measure() -> Result<IpcTimes> {
 
 impl IpcTimes {
     /// The table for a person.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         say!("{:<16} {:>8} {:>8} {:>8}   one way, us", "", "p50", "p99", "p99.9");
         for (name, times) in &self.one_way_us {
             say!("{name:<16} {:>8.3} {:>8.3} {:>8.3}", times.p50, times.p99, times.p99_9);

@@ -19,7 +19,7 @@ const WARM_UP_S: f64 = 0.2;
 
 /// What the benchmark found.
 #[derive(Serialize)]
-pub struct JitterTimes {
+pub(crate) struct JitterTimes {
     format: &'static str,
     rate_hz: f64,
     real_time: bool,
@@ -117,7 +117,7 @@ impl Service for Clock {
 }
 
 /// Runs both loops for `seconds` each.
-pub fn measure(rate_hz: f64, priority: u8, core: usize, seconds: f64) -> Result<JitterTimes> {
+pub(crate) fn measure(rate_hz: f64, priority: u8, core: usize, seconds: f64) -> Result<JitterTimes> {
     let schedule = schedule(rate_hz, priority, core)?;
     let prefix = format!("fssbench_{}_", std::process::id());
     // On a thread of its own: the priority goes with it.
@@ -201,7 +201,7 @@ fn schedule(rate_hz: f64, priority: u8, core: usize) -> Result<Schedule> {
 
 impl JitterTimes {
     /// The table for a person.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         say!("{:<16} {:>8} {:>8} {:>8} {:>8}   late, us, at {} Hz", "", "p50", "p90", "p99", "p99.9", self.rate_hz);
         for (name, t) in [("our loop", self.ours_us), ("clock_nanosleep", self.bare_us)] {
             say!("{name:<16} {:>8.1} {:>8.1} {:>8.1} {:>8.1}", t.p50, t.p90, t.p99, t.p99_9);

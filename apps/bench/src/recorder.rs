@@ -24,7 +24,7 @@ const BATCH: u64 = 20;
 
 /// What the benchmark found.
 #[derive(Serialize)]
-pub struct RecorderTimes {
+pub(crate) struct RecorderTimes {
     format: &'static str,
     bytes: u64,
     rounds: usize,
@@ -38,7 +38,7 @@ pub struct RecorderTimes {
 }
 
 /// Measures in a folder of its own within `folder`, and leaves nothing there.
-pub fn measure(folder: &Path) -> Result<RecorderTimes> {
+pub(crate) fn measure(folder: &Path) -> Result<RecorderTimes> {
     let folder = folder.join(format!("fss-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder).into_diagnostic().wrap_err_with(|| format!("cannot make {}", folder.display()))?;
     let outcome = in_turns(&folder);
@@ -137,7 +137,7 @@ fn run_bare(path: &Path) -> Result<f64> {
 
 impl RecorderTimes {
     /// The table for a person.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         say!("recorder          {:.2} ns a byte, {:.0} MB/s", self.recorder_ns_per_byte, self.recorder_mb_per_s);
         say!("bare MCAP writer  {:.2} ns a byte, {:.0} MB/s", self.bare_ns_per_byte, self.bare_mb_per_s);
         say!("ratio             {:.2}, medians of {} turns of {} bytes", self.ratio, self.rounds, self.bytes);

@@ -17,7 +17,7 @@ const LATE_SHOWN: usize = 10;
 
 /// What a flight has cost.
 #[derive(Serialize)]
-pub struct StackTimes {
+pub(crate) struct StackTimes {
     format: &'static str,
     seconds: f64,
     /// Share of one core, percent: of every process, of all, and of all without the simulated laboratory.
@@ -49,7 +49,7 @@ struct Late {
 }
 
 /// Flies for `seconds`, firing, and measures.
-pub fn measure(launch: Option<&Path>, seconds: f64) -> Result<StackTimes> {
+pub(crate) fn measure(launch: Option<&Path>, seconds: f64) -> Result<StackTimes> {
     measured_flight(launch, seconds, |_| Ok(()), times)
 }
 
@@ -129,7 +129,7 @@ impl Late {
 
 impl StackTimes {
     /// The table for a person.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         for (name, percent) in &self.core_percent {
             say!("{name:<16} {percent:>8.2} % of one core");
         }

@@ -21,7 +21,7 @@ const NOT_IN_FLIGHT: [&str; 2] = ["lab", "launcher"];
 
 /// What the benchmark found.
 #[derive(Serialize)]
-pub struct ViewTimes {
+pub(crate) struct ViewTimes {
     format: &'static str,
     seconds_each: f64,
     turns: usize,
@@ -56,7 +56,7 @@ struct Ratios {
 }
 
 /// Flies in turns for `seconds` each; watched by the browser, or by a reader that draws nothing.
-pub fn measure(launch: Option<&Path>, seconds: f64, browser: Option<&Path>) -> Result<ViewTimes> {
+pub(crate) fn measure(launch: Option<&Path>, seconds: f64, browser: Option<&Path>) -> Result<ViewTimes> {
     // Said now, and not after a flight.
     browser.map_or(Ok(()), browser::check)?;
     let mut alone = Turns::new()?;
@@ -195,7 +195,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 impl ViewTimes {
     /// The table for a person.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         say!("{:<16} {:>10} {:>12} {:>12}", "flight processes", "core, %", "late p50, us", "late p99, us");
         for (name, cost) in [("alone", self.alone), ("watched", self.watched)] {
             say!("{name:<16} {:>10.2} {:>12.1} {:>12.1}", cost.core_percent, cost.wake_p50_us, cost.wake_p99_us);

@@ -2,7 +2,7 @@
 //!
 //! In the order of reading:
 //!
-//! - [`drawing`]: scenes from above, strips of lines, pages.
+//! - `drawing`: scenes from above, strips of lines, pages.
 //! - [`flown`]: what a flight leaves in its folder; [`report`]: one page about it; [`compare`]: where two logs differ.
 //! - [`top`], [`view`]: the running stack, in a terminal and in a browser.
 //! - [`diagnose`], [`calibrate`], [`workspace`]: measured runs and plants, computed and shown.
@@ -14,7 +14,7 @@ extern crate fss_launcher;
 pub mod calibrate;
 pub mod compare;
 pub mod diagnose;
-pub mod drawing;
+mod drawing;
 pub mod flown;
 mod picture;
 pub mod report;

@@ -14,7 +14,7 @@ const STRIP_HEIGHT: f64 = 128.0;
 const POSTURES: usize = 6;
 
 /// The picture as SVG; `None` where the log has no truth of a mission.
-pub fn render(table: &Table, title: &str, truth: &[TruthState], arm: &[ArmCommand]) -> Option<String> {
+pub(crate) fn render(table: &Table, title: &str, truth: &[TruthState], arm: &[ArmCommand]) -> Option<String> {
     let (first, last) = (truth.first()?, truth.last()?);
     let start_ns = first.stamp_ns;
     let moments: Vec<_> = truth.iter().map(|t| Moment::of_truth(t, start_ns, table.target.is_some())).collect();

@@ -13,9 +13,9 @@ use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Runs of a case.
-pub const RUNS: u64 = 2;
+pub(super) const RUNS: u64 = 2;
 /// Length of a run (s).
-pub const RUN_S: f64 = 33.0;
+pub(super) const RUN_S: f64 = 33.0;
 /// Period of the thrusters' commands (s), and share of them that open a valve.
 const PULSE_S: f64 = 0.25;
 const OPEN_SHARE: f64 = 0.25;
@@ -29,7 +29,7 @@ const BEHIND_S: f64 = 0.5;
 
 /// How an asserted cause is judged.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Assertion {
+pub(super) enum Assertion {
     /// It acts, or what these data cannot tell from it.
     ByName,
     /// One of its alternatives acts.
@@ -39,7 +39,7 @@ pub enum Assertion {
 }
 
 /// What a case came to.
-pub struct Case {
+pub(super) struct Case {
     /// Causes that act.
     pub drawn: usize,
     /// Those of them that are asserted, by name or as an alternative.
@@ -55,7 +55,7 @@ pub struct Case {
 }
 
 /// Draws and diagnoses a case; `None` where what was drawn is no mechanism.
-pub fn run(plant: &Plant, seed: u64, number: u64) -> Result<Option<Case>> {
+pub(super) fn run(plant: &Plant, seed: u64, number: u64) -> Result<Option<Case>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(number);
     let causes = drawn_causes(plant, RUN_S, &mut random);

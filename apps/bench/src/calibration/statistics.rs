@@ -11,7 +11,7 @@ const SURELY_UNIFORM: f64 = 0.25;
 
 /// Of all cases.
 #[derive(Serialize)]
-pub struct Statistics {
+pub(super) struct Statistics {
     /// How many.
     pub cases: usize,
     /// Causes that were drawn.
@@ -43,7 +43,7 @@ pub struct Statistics {
 
 /// Ranks of true values in their posteriors.
 #[derive(Serialize)]
-pub struct Ranks {
+pub(super) struct Ranks {
     /// How many.
     pub count: usize,
     /// How many in each bin of equal width.
@@ -58,7 +58,7 @@ pub struct Ranks {
 
 /// Inclusion probabilities between two values.
 #[derive(Serialize)]
-pub struct Bin {
+pub(super) struct Bin {
     /// The lower one.
     pub from: f64,
     /// The upper one.
@@ -73,7 +73,7 @@ pub struct Bin {
 
 impl Statistics {
     /// Of these cases.
-    pub fn of(cases: &[Case]) -> Self {
+    pub(super) fn of(cases: &[Case]) -> Self {
         let sum = |count: fn(&Case) -> usize| cases.iter().map(count).sum::<usize>();
         let judged = |as_what: Assertion| cases.iter().flat_map(|c| &c.asserted).filter(|a| **a == as_what).count();
         let told: Vec<(f64, bool)> = cases.iter().flat_map(|case| case.inclusion.iter().copied()).collect();

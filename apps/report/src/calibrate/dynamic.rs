@@ -52,7 +52,7 @@ const ATTITUDE: [Kind; 1] = [Kind::radians("base_angle_rad", "turn of the base a
 const HELP: &str = "a dynamic calibration needs base_pose.csv and joints.csv (or a log of `fss run`) of an arm that moves while no valve is open";
 
 /// Runs the command.
-pub fn run(args: &DynamicArgs) -> Result<()> {
+pub(super) fn run(args: &DynamicArgs) -> Result<()> {
     let plant = read_plant(&args.files.answer.plant)?;
     let measured = runs::read(&args.files.runs, &plant)?;
     let (estimate, kinds) = match args.method {

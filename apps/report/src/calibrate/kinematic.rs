@@ -85,7 +85,7 @@ impl Calibrated {
 }
 
 /// Runs the command.
-pub fn run(args: &KinematicArgs) -> Result<()> {
+pub(super) fn run(args: &KinematicArgs) -> Result<()> {
     let plant = read_plant(&args.files.answer.plant)?;
     let measured = runs::read(&args.files.runs, &plant)?;
     let found = Calibrated::of(&plant, &measured, Choice { each_length: args.each_length }, args.still)?;

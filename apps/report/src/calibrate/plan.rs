@@ -64,7 +64,7 @@ const LINK_WIDTH_M: f64 = 0.1;
 const EDGE_M: f64 = 0.2;
 
 /// Runs the command.
-pub fn run(args: &PlanArgs) -> Result<()> {
+pub(super) fn run(args: &PlanArgs) -> Result<()> {
     let plant = read_plant(&args.plant)?;
     let model = plant.nominal().model().into_diagnostic()?;
     if plant.link_count() == 0 {

@@ -15,7 +15,7 @@ const LEAST_SHARE: f64 = 0.5;
 ///
 /// # Errors
 /// Where a log lacks what they are to be aligned by.
-pub fn align(a: &mut Flight, b: &mut Flight, by: &str) -> Result<f64> {
+pub(super) fn align(a: &mut Flight, b: &mut Flight, by: &str) -> Result<f64> {
     match by {
         "none" => Ok(0.0),
         "start" => {

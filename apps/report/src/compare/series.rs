@@ -11,7 +11,7 @@ const LEFT_OUT: &[&str] = &["/health", "/steps", "/events", "/links/telemetry", 
 const LONGEST_GAP_PERIODS: f64 = 5.0;
 
 /// What a log tells of a flight.
-pub struct Flight {
+pub(super) struct Flight {
     /// All fields of all topics.
     pub series: Vec<Series>,
     /// When the mission began, ns on the log's clock.
@@ -22,7 +22,7 @@ pub struct Flight {
 }
 
 /// One field over time.
-pub struct Series {
+pub(super) struct Series {
     topic: &'static str,
     field: String,
     is_real: bool,
@@ -40,7 +40,7 @@ impl Flight {
     ///
     /// # Errors
     /// Where the log cannot be read, or another build recorded it.
-    pub fn read(log: &Log, vehicle: &str) -> Result<Self, LogError> {
+    pub(super) fn read(log: &Log, vehicle: &str) -> Result<Self, LogError> {
         let prefix = if vehicle.is_empty() { String::new() } else { format!("/{vehicle}") };
         let mut topics = AllTopics { prefix, topics: Vec::new() };
         topic::visit(&mut topics);
@@ -57,12 +57,12 @@ impl Flight {
     }
 
     /// The first stamp of all, ns.
-    pub fn first_ns(&self) -> u64 {
+    pub(super) fn first_ns(&self) -> u64 {
         self.series.iter().filter_map(|series| series.stamps_ns.first()).min().copied().unwrap_or(0)
     }
 
     /// Counts time from `zero_ns` on the log's clock, and `shift_s` later.
-    pub fn set_zero(&mut self, zero_ns: u64, shift_s: f64) {
+    pub(super) fn set_zero(&mut self, zero_ns: u64, shift_s: f64) {
         (self.zero_ns, self.shift_s) = (zero_ns, shift_s);
         for series in &mut self.series {
             let since_zero = |ns: &u64| (i128::from(*ns) - i128::from(zero_ns)) as f64 * 1e-9 + shift_s;
@@ -71,30 +71,30 @@ impl Flight {
     }
 
     /// Shifts all times by this much more.
-    pub fn shift(&mut self, by_s: f64) {
+    pub(super) fn shift(&mut self, by_s: f64) {
         self.set_zero(self.zero_ns, self.shift_s + by_s);
     }
 
     /// First and last time, s.
-    pub fn span_s(&self) -> [f64; 2] {
+    pub(super) fn span_s(&self) -> [f64; 2] {
         let ends = self.series.iter().filter_map(|s| Some([*s.times_s.first()?, *s.times_s.last()?]));
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |span, end| [span[0].min(end[0]), span[1].max(end[1])])
     }
 
     /// The field of this topic and name.
-    pub fn named(&self, name: &str) -> Option<&Series> {
+    pub(super) fn named(&self, name: &str) -> Option<&Series> {
         self.series.iter().find(|series| series.name() == name)
     }
 }
 
 impl Series {
     /// Topic and field: `/nav/state.x_m`.
-    pub fn name(&self) -> String {
+    pub(super) fn name(&self) -> String {
         format!("{}.{}", self.topic, self.field)
     }
 
     /// Whether a person means this one: by its topic, its field, both, or a field that is one of several.
-    pub fn is_called(&self, name: &str) -> bool {
+    pub(super) fn is_called(&self, name: &str) -> bool {
         let stem = self.field.split('.').next().unwrap_or_default();
         let in_topic =
             |field: &str| name.strip_prefix(self.topic).and_then(|rest| rest.strip_prefix('.')) == Some(field);
@@ -102,19 +102,19 @@ impl Series {
     }
 
     /// Largest magnitude of all values.
-    pub fn largest_magnitude(&self) -> f64 {
+    pub(super) fn largest_magnitude(&self) -> f64 {
         self.values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
     }
 
     /// Times and values between two times.
-    pub fn within(&self, [from_s, to_s]: [f64; 2]) -> impl Iterator<Item = (f64, f64)> {
+    pub(super) fn within(&self, [from_s, to_s]: [f64; 2]) -> impl Iterator<Item = (f64, f64)> {
         let all = self.times_s.iter().copied().zip(self.values.iter().copied());
         all.filter(move |(time_s, _)| (from_s..=to_s).contains(time_s))
     }
 
     /// The value at a time: a number between its neighbours, what counts or names something as it was last said. None
     /// before the first sample, after the last, and in a gap.
-    pub fn at(&self, time_s: f64) -> Option<f64> {
+    pub(super) fn at(&self, time_s: f64) -> Option<f64> {
         const SAME_S: f64 = 1e-9;
         let next = self.times_s.partition_point(|t| *t < time_s - SAME_S);
         let (after_s, after) = (*self.times_s.get(next)?, self.values[next]);
@@ -133,7 +133,7 @@ impl Series {
     }
 
     /// How much one value is more than another; of angles the shorter way around.
-    pub fn apart(&self, value: f64, other: f64) -> f64 {
+    pub(super) fn apart(&self, value: f64, other: f64) -> f64 {
         let apart = other - value;
         if self.is_angle && apart.abs() > PI { apart - TAU * (apart / TAU).round() } else { apart }
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 #[derive(Serialize)]
-pub struct Answer {
+pub(super) struct Answer {
     format: &'static str,
     verdict: &'static str,
     causes: Vec<CauseAnswer>,
@@ -133,7 +133,7 @@ struct Gain {
 }
 
 impl Answer {
-    pub fn of(diagnosis: &Diagnosis, extended: &str) -> Self {
+    pub(super) fn of(diagnosis: &Diagnosis, extended: &str) -> Self {
         let misfits = diagnosis.before.iter().chain(&diagnosis.validation_before);
         Self {
             format: "fss-diagnosis/1",

@@ -10,7 +10,7 @@ use fss_plant::Plant;
 
 /// How causes are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Engine {
+pub(super) enum Engine {
     /// By evidence for measured experiments of a floating base, in windows for clamped arms and for logs of `fss run`.
     #[default]
     Auto,
@@ -35,7 +35,7 @@ impl Engine {
 ///
 /// # Errors
 /// Where the plant's values or effects make a mass or an inertia impossible.
-pub fn diagnose(
+pub(super) fn diagnose(
     (engine, of_logs): (Engine, bool),
     plant: &Plant,
     runs: &[Run],

@@ -11,7 +11,7 @@ const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 130.0;
 
 /// The page.
-pub fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
+pub(super) fn render(diagnosis: &Diagnosis, runs: &[Run]) -> String {
     let mut html = page::head("fss diagnose", "Diagnosis");
     let _ = write!(html, "<p class=\"verdict\">{}</p>", escape(summary::headline(diagnosis)));
     for remark in &diagnosis.remarks {

@@ -4,13 +4,13 @@ use fss_diagnosis::diagnosis::{Cause, ChannelMisfit, Diagnosis, Verdict};
 use std::collections::BTreeMap;
 
 /// RMS over noise beyond which a channel is shown as wrong.
-pub const FAR: f64 = 1.3;
+pub(super) const FAR: f64 = 1.3;
 
 /// A cause at least this probable is decided.
 const DECIDED: f64 = 0.9;
 
 /// Prints it.
-pub fn print(diagnosis: &Diagnosis) {
+pub(super) fn print(diagnosis: &Diagnosis) {
     diagnosis.remarks.iter().for_each(|remark| say!("{remark}"));
     table(diagnosis);
     say!("\n{}", headline(diagnosis));
@@ -68,7 +68,7 @@ fn discrepancies(diagnosis: &Diagnosis) {
 }
 
 /// The verdict as a sentence.
-pub fn headline(diagnosis: &Diagnosis) -> &'static str {
+pub(super) fn headline(diagnosis: &Diagnosis) -> &'static str {
     match diagnosis.verdict {
         Verdict::Consistent => {
             "The simulation is consistent with the data: noise and what the plant file says is uncertain explain them."
@@ -111,7 +111,7 @@ fn digits_of(std: f64) -> usize {
 }
 
 /// What a cause is and where: `thruster_gain 3 from 12.0 s`.
-pub fn title(cause: &Cause) -> String {
+pub(super) fn title(cause: &Cause) -> String {
     let effect = &cause.effect;
     let index = effect.index().map_or_else(String::new, |i| format!(" {i}"));
     let channel = effect.channel().map_or_else(String::new, |c| format!(" of {c}"));

@@ -1,6 +1,6 @@
 //! What commands draw: the plane from above, values over time, and the page around them.
 
-pub mod page;
-pub mod plane;
-pub mod scene;
-pub mod strips;
+pub(crate) mod page;
+pub(crate) mod plane;
+pub(crate) mod scene;
+pub(crate) mod strips;

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::fmt::Write;
 
 /// Everything before the content. A page refers to nothing outside itself.
-pub fn head(window_title: &str, heading: &str) -> String {
+pub(crate) fn head(window_title: &str, heading: &str) -> String {
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>{}</title><style>{STYLE}</style><h1>{}</h1>",
@@ -14,7 +14,7 @@ pub fn head(window_title: &str, heading: &str) -> String {
 }
 
 /// Everything behind it.
-pub const FOOT: &str = "</html>\n";
+pub(crate) const FOOT: &str = "</html>\n";
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:980px;margin:2em auto;padding:0 1em;color:#222}\
     table{border-collapse:collapse;font-size:13px;margin:.6em 0;display:block;max-width:100%;overflow-x:auto}\
@@ -29,12 +29,12 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:980px;ma
     @media print{body{margin:0;max-width:none;font-size:11pt}h2,h3{break-after:avoid}svg,tr{break-inside:avoid}}";
 
 /// Text as it may stand in HTML or SVG, between tags or in an attribute.
-pub fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 /// A table; its cells are escaped. `class` is `numbers` or `text`.
-pub fn table<Row, Cell>(html: &mut String, class: &str, header: &[&str], rows: impl IntoIterator<Item = Row>)
+pub(crate) fn table<Row, Cell>(html: &mut String, class: &str, header: &[&str], rows: impl IntoIterator<Item = Row>)
 where
     Row: IntoIterator<Item = Cell>,
     Cell: Display,

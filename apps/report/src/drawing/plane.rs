@@ -9,7 +9,7 @@ use std::fmt::Write;
 const MARGIN: [f64; 4] = [62.0, 34.0, 18.0, 46.0];
 
 /// One plot of a picture: a window of the plane, x to the right, y up, both to the same scale.
-pub struct Plot {
+pub(crate) struct Plot {
     svg: String,
     name: String,
     /// Upper left corner of the plot on paper, and its size.
@@ -21,12 +21,12 @@ pub struct Plot {
 }
 
 /// Line and fill of a shape, as SVG attributes.
-pub type Style<'a> = &'a str;
+pub(crate) type Style<'a> = &'a str;
 
 impl Plot {
     /// A plot `width` wide whose corner on paper is `corner` and that shows `[x0, x1]` by `[y0, y1]` in m. Names tell
     /// the plots of one picture apart.
-    pub fn new(name: &str, corner: [f64; 2], width: f64, x_m: [f64; 2], y_m: [f64; 2]) -> Self {
+    pub(crate) fn new(name: &str, corner: [f64; 2], width: f64, x_m: [f64; 2], y_m: [f64; 2]) -> Self {
         let scale = width / (x_m[1] - x_m[0]);
         let size = [width, (y_m[1] - y_m[0]) * scale];
         let corner = [corner[0] + MARGIN[0], corner[1] + MARGIN[1]];
@@ -43,12 +43,12 @@ impl Plot {
     }
 
     /// Size on paper, margins included.
-    pub fn outer_size(&self) -> [f64; 2] {
+    pub(crate) fn outer_size(&self) -> [f64; 2] {
         [self.size[0] + MARGIN[0] + MARGIN[2], self.size[1] + MARGIN[1] + MARGIN[3]]
     }
 
     /// A place on paper.
-    pub fn at(&self, point_m: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn at(&self, point_m: [f64; 2]) -> [f64; 2] {
         [
             self.corner[0] + (point_m[0] - self.origin_m[0]) * self.scale,
             self.corner[1] + (self.origin_m[1] - point_m[1]) * self.scale,
@@ -101,19 +101,19 @@ impl Plot {
     }
 
     /// A heading above the plot.
-    pub fn heading(&mut self, text: &str) {
+    pub(crate) fn heading(&mut self, text: &str) {
         let [left, top] = self.corner;
         let _ = write!(self.svg, "<text x=\"{left:.1}\" y=\"{:.1}\" font-size=\"14\">{text}</text>", top - 12.0);
     }
 
     /// A closed polygon.
-    pub fn polygon(&mut self, points_m: &[[f64; 2]], style: Style) {
+    pub(crate) fn polygon(&mut self, points_m: &[[f64; 2]], style: Style) {
         let d = self.path(points_m);
         let _ = write!(self.svg, "<path clip-path=\"url(#{})\" d=\"{d}Z\" {style}/>", self.name);
     }
 
     /// A line through points.
-    pub fn line(&mut self, points_m: &[[f64; 2]], style: Style) {
+    pub(crate) fn line(&mut self, points_m: &[[f64; 2]], style: Style) {
         let d = self.path(points_m);
         let _ = write!(self.svg, "<path clip-path=\"url(#{})\" d=\"{d}\" fill=\"none\" {style}/>", self.name);
     }
@@ -128,12 +128,12 @@ impl Plot {
     }
 
     /// A circle of `radius_m`.
-    pub fn circle(&mut self, center_m: [f64; 2], radius_m: f64, style: Style) {
+    pub(crate) fn circle(&mut self, center_m: [f64; 2], radius_m: f64, style: Style) {
         self.ellipse(center_m, [radius_m; 2], 0.0, style);
     }
 
     /// An ellipse whose first semi-axis points in direction `angle_rad`.
-    pub fn ellipse(&mut self, center_m: [f64; 2], semi_axes_m: [f64; 2], angle_rad: f64, style: Style) {
+    pub(crate) fn ellipse(&mut self, center_m: [f64; 2], semi_axes_m: [f64; 2], angle_rad: f64, style: Style) {
         let [x, y] = self.at(center_m);
         let _ = write!(
             self.svg,
@@ -146,13 +146,13 @@ impl Plot {
     }
 
     /// A cross, of one size on paper whatever the scale.
-    pub fn cross(&mut self, point_m: [f64; 2], style: Style) {
+    pub(crate) fn cross(&mut self, point_m: [f64; 2], style: Style) {
         let [x, y] = self.at(point_m);
         let _ = write!(self.svg, "<path d=\"M{:.1} {y:.1}h12m-6 -6v12\" {style}/>", x - 6.0);
     }
 
     /// Words, their left end or `anchor` at a place.
-    pub fn label(&mut self, point_m: [f64; 2], anchor: &str, text: &str) {
+    pub(crate) fn label(&mut self, point_m: [f64; 2], anchor: &str, text: &str) {
         let [x, y] = self.at(point_m);
         let _ = write!(
             self.svg,
@@ -162,7 +162,7 @@ impl Plot {
     }
 
     /// The granite: its edge, and grey beyond it. The table frame's origin is its middle.
-    pub fn table(&mut self, size_m: [f64; 2]) {
+    pub(crate) fn table(&mut self, size_m: [f64; 2]) {
         let [w, h] = size_m.map(|m| m / 2.0);
         let ([left, top], [width, height]) = (self.corner, self.size);
         let around = format!("M{left:.1} {top:.1}h{width:.1}v{height:.1}h{:.1}Z", -width);
@@ -173,7 +173,7 @@ impl Plot {
     }
 
     /// The target: a disc with its handle on the rim, at the body's angle 0.
-    pub fn disc(&mut self, [x, y, theta]: [f64; 3], radius_m: f64, opacity: f64) {
+    pub(crate) fn disc(&mut self, [x, y, theta]: [f64; 3], radius_m: f64, opacity: f64) {
         let rim = |share: f64| [x + share * radius_m * theta.cos(), y + share * radius_m * theta.sin()];
         let style = format!("fill=\"#cfe5d5\" stroke=\"#245c3a\" stroke-width=\"1.5\" opacity=\"{opacity}\"");
         self.circle([x, y], radius_m, &style);
@@ -182,12 +182,12 @@ impl Plot {
     }
 
     /// SVG of the caller's own, clipped to the plot.
-    pub fn clipped(&mut self, svg: &str) {
+    pub(crate) fn clipped(&mut self, svg: &str) {
         let _ = write!(self.svg, "<g clip-path=\"url(#{})\">{svg}</g>", self.name);
     }
 
     /// Base, joints and links from above. The width of links is that of the drawing, not of the arm.
-    pub fn vehicle(&mut self, plant: &Plant, model: &Model, q: &Coordinates, opacity: f64) {
+    pub(crate) fn vehicle(&mut self, plant: &Plant, model: &Model, q: &Coordinates, opacity: f64) {
         let link_width = (0.05 * self.scale).clamp(3.0, 14.0);
         let [w, h] = plant.base.size_m.map(|m| m * self.scale);
         let [x, y] = self.at([q[0], q[1]]);
@@ -220,7 +220,7 @@ impl Plot {
     }
 
     /// The plot's SVG, its frame on top.
-    pub fn finish(mut self) -> String {
+    pub(crate) fn finish(mut self) -> String {
         let ([left, top], [width, height]) = (self.corner, self.size);
         let _ = write!(
             self.svg,
@@ -231,7 +231,7 @@ impl Plot {
 }
 
 /// A picture of plots on white paper.
-pub fn picture(size: [f64; 2], content: &str) -> String {
+pub(crate) fn picture(size: [f64; 2], content: &str) -> String {
     let [width, height] = size;
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" \
@@ -240,7 +240,7 @@ pub fn picture(size: [f64; 2], content: &str) -> String {
 }
 
 /// Points of an arc, in steps of at most 2 degrees.
-pub fn arc(center_m: [f64; 2], radius_m: f64, from_rad: f64, to_rad: f64) -> Vec<[f64; 2]> {
+pub(crate) fn arc(center_m: [f64; 2], radius_m: f64, from_rad: f64, to_rad: f64) -> Vec<[f64; 2]> {
     let steps = (((to_rad - from_rad).abs() / (PI / 90.0)).ceil() as usize).max(1);
     (0..=steps)
         .map(|k| from_rad + (to_rad - from_rad) * k as f64 / steps as f64)

@@ -6,9 +6,11 @@ use fss_multibody::{Coordinates, Model};
 use fss_plant::{Plant, Target};
 
 /// Colours of the traces.
-pub const BASE: &str = "#3377cc";
-pub const END_EFFECTOR: &str = "#cc3333";
-pub const TARGET: &str = "#2f7d4f";
+pub(crate) const BASE: &str = "#3377cc";
+/// Colour of the end-effector.
+pub(crate) const END_EFFECTOR: &str = "#cc3333";
+/// Colour of the target.
+pub(crate) const TARGET: &str = "#2f7d4f";
 /// The most points of a trace.
 const POINTS: usize = 800;
 /// Room around what moves, m.
@@ -63,7 +65,7 @@ pub struct Table<'a> {
 
 /// How a picture from above is cut out.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Cut {
+pub(crate) enum Cut {
     /// What moves, as a square.
     Square,
     /// What moves, and no more.
@@ -71,7 +73,7 @@ pub enum Cut {
 }
 
 /// The view as a plot of this width; the vehicle is drawn at `instants`, which count moments, the last in full.
-pub fn from_above(table: &Table, moments: &[Moment], instants: &[usize], width: f64, cut: Cut) -> Plot {
+pub(crate) fn from_above(table: &Table, moments: &[Moment], instants: &[usize], width: f64, cut: Cut) -> Plot {
     let [x_m, y_m] = window(table, moments, cut);
     let mut plot = Plot::new("above", [0.0, 0.0], width, x_m, y_m);
     plot.table(table.plant.table.size_m);
@@ -115,7 +117,7 @@ fn window(table: &Table, moments: &[Moment], cut: Cut) -> [[f64; 2]; 2] {
 }
 
 /// What the colours of the traces mean, in `span` elements (of HTML) or `tspan` elements (of SVG).
-pub fn legend(element: &str, has_target: bool) -> String {
+pub(crate) fn legend(element: &str, has_target: bool) -> String {
     let named = [(BASE, "base"), (END_EFFECTOR, "end-effector"), (TARGET, "target")];
     let words = named.iter().take(2 + usize::from(has_target));
     let words =

@@ -10,10 +10,10 @@ const LEFT: f64 = 58.0;
 const RIGHT: f64 = 12.0;
 const TITLE: f64 = 20.0;
 /// Colours of lines, in their order: distinguishable, also in print.
-pub const COLOURS: [&str; 8] = ["#2b6ca3", "#b3402a", "#2f7d4f", "#b8860b", "#6b4c9a", "#177e89", "#8a5a44", "#555555"];
+pub(crate) const COLOURS: [&str; 8] = ["#2b6ca3", "#b3402a", "#2f7d4f", "#b8860b", "#6b4c9a", "#177e89", "#8a5a44", "#555555"];
 
 /// One line of a strip.
-pub struct Line<'a> {
+pub(crate) struct Line<'a> {
     /// Its name for the legend; empty where the title says enough.
     pub name: &'a str,
     /// Its colour.
@@ -31,7 +31,7 @@ pub struct Span {
 }
 
 /// Something that happened.
-pub struct Mark {
+pub(crate) struct Mark {
     /// When, s.
     pub at_s: f64,
     /// Its colour.
@@ -41,7 +41,7 @@ pub struct Mark {
 }
 
 /// Strips on one time axis.
-pub struct Strips {
+pub(crate) struct Strips {
     svg: String,
     corner: [f64; 2],
     width: f64,
@@ -53,13 +53,13 @@ pub struct Strips {
 
 impl Strips {
     /// Strips below `corner` that are `width` wide with their numbers, over `span_s`.
-    pub fn new(corner: [f64; 2], width: f64, span_s: [f64; 2]) -> Self {
+    pub(crate) fn new(corner: [f64; 2], width: f64, span_s: [f64; 2]) -> Self {
         let span_s = [span_s[0], span_s[1].max(span_s[0] + 1e-6)];
         Self { svg: String::new(), corner, width, span_s, bottom: corner[1], through_s: Vec::new() }
     }
 
     /// Thin lines through all strips that follow, where something changed.
-    pub fn through(&mut self, times_s: impl IntoIterator<Item = f64>) {
+    pub(crate) fn through(&mut self, times_s: impl IntoIterator<Item = f64>) {
         let [from, to] = self.span_s;
         self.through_s.extend(times_s.into_iter().filter(|t| *t > from && *t < to));
     }
@@ -99,12 +99,12 @@ impl Strips {
     }
 
     /// Lines in one strip whose range covers at least `least` of the value.
-    pub fn lines(&mut self, title: &str, height: f64, least: f64, lines: &[Line]) {
+    pub(crate) fn lines(&mut self, title: &str, height: f64, least: f64, lines: &[Line]) {
         self.lines_in_band(title, height, least, lines, None);
     }
 
     /// The same over a band from `-band` to `band`: what noise alone would do.
-    pub fn lines_in_band(&mut self, title: &str, height: f64, least: f64, lines: &[Line], band: Option<f64>) {
+    pub(crate) fn lines_in_band(&mut self, title: &str, height: f64, least: f64, lines: &[Line], band: Option<f64>) {
         let top = self.frame(title, height);
         let [from, to] = self.span_s;
         let shown = |point: &&(f64, f64)| point.0 >= from && point.0 <= to && point.1.is_finite();
@@ -185,7 +185,7 @@ impl Strips {
     }
 
     /// Rows that are dark while something is on, as valves.
-    pub fn raster(&mut self, title: &str, rows: &[(String, Vec<[f64; 2]>)]) {
+    pub(crate) fn raster(&mut self, title: &str, rows: &[(String, Vec<[f64; 2]>)]) {
         const ROW: f64 = 11.0;
         let top = self.frame(title, ROW * rows.len() as f64);
         for (k, (name, on_s)) in rows.iter().enumerate() {
@@ -208,7 +208,7 @@ impl Strips {
     }
 
     /// What followed upon what, with names where they fit.
-    pub fn band(&mut self, title: &str, spans: &[Span]) {
+    pub(crate) fn band(&mut self, title: &str, spans: &[Span]) {
         const HEIGHT: f64 = 18.0;
         let top = self.frame(title, HEIGHT);
         for (k, span) in spans.iter().enumerate() {
@@ -234,7 +234,7 @@ impl Strips {
     }
 
     /// Triangles where something happened; their words show under the pointer.
-    pub fn marks(&mut self, title: &str, marks: &[Mark]) {
+    pub(crate) fn marks(&mut self, title: &str, marks: &[Mark]) {
         const HEIGHT: f64 = 14.0;
         let top = self.frame(title, HEIGHT);
         for mark in marks.iter().filter(|mark| mark.at_s >= self.span_s[0] && mark.at_s <= self.span_s[1]) {
@@ -251,7 +251,7 @@ impl Strips {
     }
 
     /// Draws the time axis; gives the SVG and its lower edge.
-    pub fn finish(mut self) -> (String, f64) {
+    pub(crate) fn finish(mut self) -> (String, f64) {
         self.svg.push_str("<g font-size=\"10\" fill=\"#555\" text-anchor=\"middle\">");
         let marks = ticks(self.span_s, 8);
         let last = marks.len().saturating_sub(1);
@@ -293,7 +293,7 @@ fn ticks([low, high]: [f64; 2], most: usize) -> Vec<(f64, String)> {
 }
 
 /// At most about `most` points: of each bin its smallest and its largest value, so that nothing that stands out is lost.
-pub fn thinned(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
+pub(crate) fn thinned(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     let bin = (2 * points.len()).div_ceil(most).max(1);
     if bin <= 2 {
         return points.to_vec();

@@ -20,7 +20,7 @@ const AFTER_S: f64 = 20.0;
 const EVERY: usize = 4;
 
 /// What the log shows of the capture.
-pub fn section(html: &mut String, flight: &Flight, capture: &CaptureFigures, stop: Option<&StopFigures>) {
+pub(super) fn section(html: &mut String, flight: &Flight, capture: &CaptureFigures, stop: Option<&StopFigures>) {
     let truth = flight.records.truth();
     let (Some(last), Some(grasp_s)) = (truth.last(), flight.grasp_s()) else {
         html.push_str("<p>The gripper took nothing.</p>");

@@ -14,20 +14,20 @@ const HEIGHT: f64 = 78.0;
 const BOUND_CUT: f64 = 3.0;
 
 /// Strips over the whole flight, with the phases through them.
-pub fn strips(flight: &Flight, span_s: [f64; 2]) -> Strips {
+pub(super) fn strips(flight: &Flight, span_s: [f64; 2]) -> Strips {
     let mut strips = Strips::new([0.0, 0.0], WIDTH, span_s);
     strips.through(flight.phases().iter().map(|phase| phase.during_s[0]));
     strips
 }
 
 /// The strips as a picture.
-pub fn finish(html: &mut String, strips: Strips) {
+pub(super) fn finish(html: &mut String, strips: Strips) {
     let (svg, bottom) = strips.finish();
     html.push_str(&picture([WIDTH, bottom], &svg));
 }
 
 /// Pose, rates, joints, torques, valves, gas, with phases and events.
-pub fn over_time(html: &mut String, flight: &Flight) {
+pub(super) fn over_time(html: &mut String, flight: &Flight) {
     let mut strips = strips(flight, flight.span_s());
     strips.band("phase", &flight.phases());
     strips.marks("events", &marks(flight));
@@ -95,7 +95,7 @@ fn marks(flight: &Flight) -> Vec<Mark> {
 }
 
 /// Error of the estimate with what the filter says of it.
-pub fn navigation(html: &mut String, flight: &Flight, figures: Option<&Navigation>) {
+pub(super) fn navigation(html: &mut String, flight: &Flight, figures: Option<&Navigation>) {
     let Some(figures) = figures else {
         html.push_str("<p>The log holds no truth to compare with.</p>");
         return;

@@ -11,7 +11,7 @@ use std::fmt::Write;
 const EVENTS: usize = 200;
 
 /// How it ended, in a sentence or two.
-pub fn verdict(html: &mut String, flight: &Flight, summary: &Summary) {
+pub(super) fn verdict(html: &mut String, flight: &Flight, summary: &Summary) {
     let captured = summary.capture.as_ref().is_none_or(|capture| capture.success);
     let placed = summary.carry.as_ref().is_none_or(|carry| carry.success);
     let good = summary.outcome == "done" && captured && placed;
@@ -56,7 +56,7 @@ pub fn verdict(html: &mut String, flight: &Flight, summary: &Summary) {
 }
 
 /// Mission, plant, build, host, seed.
-pub fn facts(html: &mut String, flight: &Flight, summary: &Summary) {
+pub(super) fn facts(html: &mut String, flight: &Flight, summary: &Summary) {
     let fact = |key: &str| flight.facts.get(key).cloned();
     let plant = &flight.stack.laboratory();
     let mass_kg = |masses: &[f64]| format!("{:.2} kg", masses.iter().sum::<f64>());
@@ -109,7 +109,7 @@ fn utc(unix_s: u64) -> String {
 }
 
 /// What `summary.json` says, for a person.
-pub fn figures(html: &mut String, summary: &Summary) {
+pub(super) fn figures(html: &mut String, summary: &Summary) {
     let mut rows: Vec<[String; 2]> = Vec::new();
     let mut row = |name: &str, value: String| rows.push([name.to_owned(), value]);
     row("outcome", summary.outcome.to_owned());
@@ -147,7 +147,7 @@ pub fn figures(html: &mut String, summary: &Summary) {
 }
 
 /// Cycles, overruns and latencies of each service, and what the recorder lost.
-pub fn health(html: &mut String, flight: &Flight, summary: &Summary) {
+pub(super) fn health(html: &mut String, flight: &Flight, summary: &Summary) {
     let mut reports: BTreeMap<&str, Vec<&Health>> = BTreeMap::new();
     for health in flight.records.health() {
         reports.entry(text_of(&health.service)).or_default().push(health);
@@ -220,7 +220,7 @@ pub fn health(html: &mut String, flight: &Flight, summary: &Summary) {
 }
 
 /// What happened, in its order.
-pub fn events(html: &mut String, flight: &Flight) {
+pub(super) fn events(html: &mut String, flight: &Flight) {
     let events: Vec<&Event> = flight.records.events().iter().filter(|e| e.severity >= Event::INFO).collect();
     let rows = events.iter().take(EVENTS).map(|event| {
         let severity = ["debug", "info", "warning", "error", "critical"].get(usize::from(event.severity));

@@ -7,14 +7,14 @@ use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
 /// What does not change: the table, the vehicle's shape, the mission's names.
-pub struct Scene {
+pub(super) struct Scene {
     stack: Stack,
     model: Model,
 }
 
 /// The newest samples at an instant.
 #[derive(Clone, Copy, Default)]
-pub struct Samples<'a> {
+pub(super) struct Samples<'a> {
     /// The truth, in the simulated laboratory.
     pub truth: Option<&'a TruthState>,
     /// The estimate.
@@ -31,7 +31,7 @@ pub struct Samples<'a> {
 
 /// An instant, rounded to what a picture needs.
 #[derive(Serialize)]
-pub struct Frame {
+pub(super) struct Frame {
     /// s.
     t: f64,
     /// x m, y m, theta rad: the truth, or the estimate where there is none.
@@ -60,7 +60,7 @@ pub struct Frame {
 
 /// A service's report.
 #[derive(Serialize)]
-pub struct HealthRow {
+pub(super) struct HealthRow {
     t: f64,
     service: String,
     hz: f64,
@@ -76,7 +76,7 @@ pub struct HealthRow {
 
 /// An event.
 #[derive(Serialize)]
-pub struct EventRow {
+pub(super) struct EventRow {
     t: f64,
     severity: u8,
     service: String,
@@ -97,13 +97,13 @@ impl Scene {
     ///
     /// # Errors
     /// Where its plant has no model.
-    pub fn of(stack: Stack) -> Result<Self> {
+    pub(super) fn of(stack: Stack) -> Result<Self> {
         let model = stack.plant.nominal().model().into_diagnostic()?;
         Ok(Self { stack, model })
     }
 
     /// As the page wants it.
-    pub fn json(&self, is_live: bool) -> String {
+    pub(super) fn json(&self, is_live: bool) -> String {
         let plant = &self.stack.plant;
         let thrusters: Vec<_> = plant
             .thrusters
@@ -121,7 +121,7 @@ impl Scene {
     }
 
     /// The samples as a picture's frame; `None` before anything is known of the vehicle.
-    pub fn frame(&self, t_s: f64, of: &Samples) -> Option<Frame> {
+    pub(super) fn frame(&self, t_s: f64, of: &Samples) -> Option<Frame> {
         let links = self.model.link_count();
         let believed = of.nav.filter(|n| n.mode != NavState::INITIALISING).map(|n| [n.x_m, n.y_m, n.theta_rad]);
         let told = of.links.map_or([0.0; MAX_LINKS], |l| l.q_rad);
@@ -172,7 +172,7 @@ fn error_of(nav: &NavState, truth: &TruthState) -> [f64; 3] {
 }
 
 /// Valves that are open, a bit each, the first in the lowest.
-pub fn mask(valves: &[u8]) -> u32 {
+pub(super) fn mask(valves: &[u8]) -> u32 {
     valves.iter().enumerate().fold(0, |mask, (k, open)| mask | (u32::from(*open != 0) << k))
 }
 
@@ -182,7 +182,7 @@ fn navigation_mode(nav: &NavState) -> &'static str {
 
 impl HealthRow {
     /// Of a report at a time of the page's clock, s.
-    pub fn of(t_s: f64, h: &Health) -> Self {
+    pub(super) fn of(t_s: f64, h: &Health) -> Self {
         let us = |all: [u64; 3]| all.map(|ns| (ns as f64 * 1e-2).round() / 10.0);
         Self {
             t: round(t_s),
@@ -202,7 +202,7 @@ impl HealthRow {
 
 impl EventRow {
     /// Of an event at a time of the page's clock, s.
-    pub fn of(t_s: f64, e: &Event) -> Self {
+    pub(super) fn of(t_s: f64, e: &Event) -> Self {
         let (service, text) = (text_of(&e.service).to_owned(), text_of(&e.text).to_owned());
         Self { t: round(t_s), severity: e.severity, service, text }
     }

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 /// Which stack.
 #[derive(Args)]
-pub struct StackArgs {
+pub(super) struct StackArgs {
     /// Prefix of the stack in shared memory; that of the only stack that runs where absent.
     #[arg(long, conflicts_with = "log")]
     bus: Option<String>,
@@ -37,7 +37,7 @@ struct Ports {
 }
 
 /// A reader beside a flying stack.
-pub struct Watch {
+pub(super) struct Watch {
     scene: Scene,
     ports: Ports,
     /// The target as it was last seen.
@@ -77,7 +77,7 @@ impl Watch {
     ///
     /// # Errors
     /// Where no stack runs, or which is not clear, or shared memory refuses.
-    pub fn join(args: &StackArgs) -> Result<Self> {
+    pub(super) fn join(args: &StackArgs) -> Result<Self> {
         let prefix = args.bus.clone().map_or_else(only_stack, Ok)?;
         let folder = args.run.clone().or_else(|| folder_of(&prefix)).ok_or_else(|| {
             miette!(help = "name it with --run", "no process of the stack '{prefix}' tells the folder of its run")
@@ -90,7 +90,7 @@ impl Watch {
     }
 
     /// What does not change, as the page wants it.
-    pub fn scene_json(&self) -> String {
+    pub(super) fn scene_json(&self) -> String {
         self.scene.json(true)
     }
 
@@ -98,7 +98,7 @@ impl Watch {
     ///
     /// # Errors
     /// Where the clock cannot be read.
-    pub fn run(mut self, stream: &Stream) -> Result<()> {
+    pub(super) fn run(mut self, stream: &Stream) -> Result<()> {
         let zero_ns = realtime::now().into_diagnostic()?.ns();
         let mut next = Time::from_ns(zero_ns);
         loop {

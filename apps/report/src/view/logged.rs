@@ -22,7 +22,7 @@ struct Logged {
 ///
 /// # Errors
 /// Names what is wrong with the log or missing.
-pub fn read(log: &Log) -> Result<(String, String)> {
+pub(super) fn read(log: &Log) -> Result<(String, String)> {
     let flight = Flight::read(log)?;
     let scene = Scene::of(flight.stack.clone())?;
     let [start_s, end_s] = flight.span_s();

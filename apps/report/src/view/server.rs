@@ -30,7 +30,7 @@ const SAFETY: &str = "Content-Security-Policy: default-src 'none'; script-src 's
     Cross-Origin-Resource-Policy: same-origin\r\nCache-Control: no-store\r\nConnection: close\r\n";
 
 /// What is at a path.
-pub struct Content {
+pub(super) struct Content {
     /// Its media type.
     pub kind: &'static str,
     /// Itself.
@@ -39,7 +39,7 @@ pub struct Content {
 
 /// Messages for every browser that looks: each gets what was said before it came, and then what comes.
 #[derive(Default)]
-pub struct Stream {
+pub(super) struct Stream {
     said: Mutex<Said>,
     news: Condvar,
 }
@@ -53,7 +53,7 @@ struct Said {
 
 impl Stream {
     /// Says a message of this name.
-    pub fn say(&self, name: &str, json: &str) {
+    pub(super) fn say(&self, name: &str, json: &str) {
         let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         said.messages.push_back(format!("event: {name}\ndata: {json}\n\n").into());
         if said.messages.len() > HISTORY {
@@ -75,7 +75,7 @@ impl Stream {
 }
 
 /// The server.
-pub struct Server {
+pub(super) struct Server {
     listener: TcpListener,
     port: u16,
     site: Arc<Site>,
@@ -94,7 +94,7 @@ impl Server {
     ///
     /// # Errors
     /// Where the listener has no address.
-    pub fn new(
+    pub(super) fn new(
         listener: TcpListener,
         files: BTreeMap<String, Content>,
         stream: Option<Arc<Stream>>,
@@ -106,12 +106,12 @@ impl Server {
     }
 
     /// Where it listens.
-    pub fn port(&self) -> u16 {
+    pub(super) fn port(&self) -> u16 {
         self.port
     }
 
     /// Serves for ever.
-    pub fn run(&self) {
+    pub(super) fn run(&self) {
         for connection in self.listener.incoming().flatten() {
             let site = self.site.clone();
             if site.connections.fetch_add(1, Ordering::Relaxed) >= MOST_CONNECTIONS {

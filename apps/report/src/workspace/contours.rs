@@ -4,11 +4,11 @@ use crate::drawing::plane::Plot;
 use std::fmt::Write;
 
 /// Viridis (S. van der Walt and N. Smith, 2015) in ten steps, dark for little.
-pub const COLOURS: [&str; 10] =
+pub(super) const COLOURS: [&str; 10] =
     ["#482475", "#414487", "#355f8d", "#2a788e", "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26", "#fde725"];
 
 /// Values at the corners of square cells: `values[row][column]` at `x0 + column * side, y0 + row * side`.
-pub struct Field {
+pub(super) struct Field {
     /// Lower left corner, m.
     pub corner_m: [f64; 2],
     /// Side of a cell, m.
@@ -19,7 +19,7 @@ pub struct Field {
 
 impl Field {
     /// The bands as SVG: where the field is above `level[k]` in colour `k`, each over those below it.
-    pub fn bands(&self, plot: &Plot, levels: &[f64]) -> String {
+    pub(super) fn bands(&self, plot: &Plot, levels: &[f64]) -> String {
         let mut svg = String::new();
         for (level, colour) in levels.iter().zip(COLOURS) {
             let mut d = String::new();

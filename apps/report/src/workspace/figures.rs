@@ -15,7 +15,7 @@ const EDGE: &str = "stroke=\"#222\" stroke-width=\"1.2\"";
 const FLOATING: &str = "fill=\"#f3c9a5\" stroke=\"#b5541c\" stroke-width=\"1.8\"";
 
 /// Figure 6: what the end-effector reaches with the base held, and the best manipulability measure at each place.
-pub fn held_workspace(plant: &Plant, model: &Model, limits_rad: &[f64], best: (f64, &[f64])) -> String {
+pub(super) fn held_workspace(plant: &Plant, model: &Model, limits_rad: &[f64], best: (f64, &[f64])) -> String {
     const BEARINGS: usize = 360;
     const CELL_M: f64 = 0.02;
     let rings = reachable_rings(model, limits_rad);
@@ -150,7 +150,7 @@ fn posture(q_rad: &[f64]) -> Coordinates {
 }
 
 /// Figure 7: how far the end-effector goes along straight lines from a posture, floating and with the base held.
-pub fn straight_paths(plant: &Plant, model: &Model, radius_m: Option<f64>, look: &Look) -> String {
+pub(super) fn straight_paths(plant: &Plant, model: &Model, radius_m: Option<f64>, look: &Look) -> String {
     let q = posture(&look.q_rad);
     let (tip, center) = (model.end_effector(&q), model.center_of_mass(&q));
     let points = |lengths_m: &[f64]| -> Vec<[f64; 2]> {
@@ -206,7 +206,7 @@ pub fn straight_paths(plant: &Plant, model: &Model, radius_m: Option<f64>, look:
 }
 
 /// Figure 8: the manipulability ellipses of a posture, with the floating one in detail.
-pub fn ellipsoids(plant: &Plant, model: &Model, look: &Look) -> String {
+pub(super) fn ellipsoids(plant: &Plant, model: &Model, look: &Look) -> String {
     let q = posture(&look.q_rad);
     let tip = model.end_effector(&q);
     let tip = [tip.x, tip.y];

@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 
 const FILE: &str = "campaign.toml";
 /// The folder of the shards' tables; nothing else lies in it, so that it can be read as one table.
-pub const TABLES: &str = "runs";
+pub(super) const TABLES: &str = "runs";
 const FORMAT: &str = "fss-campaign/1";
 
 /// What a person asks for.
-pub struct Wanted<'a> {
+pub(super) struct Wanted<'a> {
     pub mission: &'a str,
     pub seeds: Range<u64>,
     pub sweep: &'a [Sweep],
@@ -38,7 +38,7 @@ struct Definition {
 }
 
 /// A campaign that lies in a folder.
-pub struct Campaign {
+pub(super) struct Campaign {
     /// Where it lies.
     pub folder: PathBuf,
     /// The stack without any value of the sweeps.
@@ -50,12 +50,12 @@ pub struct Campaign {
 
 impl Campaign {
     /// Whether a campaign lies in this folder.
-    pub fn lies_in(folder: &Path) -> bool {
+    pub(super) fn lies_in(folder: &Path) -> bool {
         folder.join(FILE).exists()
     }
 
     /// The campaign in a folder.
-    pub fn open(folder: &Path) -> Result<Self> {
+    pub(super) fn open(folder: &Path) -> Result<Self> {
         let path = folder.join(FILE);
         let say = || format!("cannot go on with {}", path.display());
         let text = std::fs::read_to_string(&path).into_diagnostic().wrap_err_with(say)?;
@@ -81,7 +81,7 @@ impl Campaign {
     ///
     /// # Errors
     /// Where another lies there, or no run of this one could fly.
-    pub fn begin(wanted: &Wanted<'_>) -> Result<Self> {
+    pub(super) fn begin(wanted: &Wanted<'_>) -> Result<Self> {
         let mut stack = Stack::load(wanted.launch, wanted.plant, wanted.mission)?;
         if let Some(laboratory) = wanted.laboratory {
             stack = stack.in_laboratory(laboratory)?;
@@ -125,18 +125,18 @@ impl Campaign {
     }
 
     /// How many runs it has; they are counted from 1.
-    pub fn count(&self) -> u64 {
+    pub(super) fn count(&self) -> u64 {
         let points: usize = self.sweeps.iter().map(|sweep| sweep.values.len()).product();
         points as u64 * (self.seeds.end - self.seeds.start)
     }
 
     /// The seed of a run: of one combination of swept values all seeds come first.
-    pub fn seed(&self, run: u64) -> u64 {
+    pub(super) fn seed(&self, run: u64) -> u64 {
         self.seeds.start + (run - 1) % (self.seeds.end - self.seeds.start)
     }
 
     /// The swept values of a run; the last sweep varies fastest.
-    pub fn point(&self, run: u64) -> Vec<SweptValue> {
+    pub(super) fn point(&self, run: u64) -> Vec<SweptValue> {
         let mut left = ((run - 1) / (self.seeds.end - self.seeds.start)) as usize;
         let mut values: Vec<SweptValue> = Vec::with_capacity(self.sweeps.len());
         for sweep in self.sweeps.iter().rev() {
@@ -151,7 +151,7 @@ impl Campaign {
     ///
     /// # Errors
     /// Where it has no such run, or the run's values make no sense.
-    pub fn stack(&self, run: u64) -> Result<(u64, Stack)> {
+    pub(super) fn stack(&self, run: u64) -> Result<(u64, Stack)> {
         if !(1..=self.count()).contains(&run) {
             return Err(miette!("there is no run {run}: the campaign has runs 1 to {}", self.count()));
         }

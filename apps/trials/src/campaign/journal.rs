@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 const ENDING: &str = "jsonl";
 
 /// A journal that this process writes; it is the only one.
-pub struct Journal {
+pub(super) struct Journal {
     path: PathBuf,
     file: Mutex<File>,
 }
@@ -22,7 +22,7 @@ impl Journal {
     ///
     /// # Errors
     /// Where another process writes it, or the file system refuses.
-    pub fn open(folder: &Path, name: &str) -> Result<Self> {
+    pub(super) fn open(folder: &Path, name: &str) -> Result<Self> {
         let path = folder.join(format!("{name}.{ENDING}"));
         let say = || format!("cannot open {}", path.display());
         let options = File::options().read(true).append(true).create(true).open(&path);
@@ -43,7 +43,7 @@ impl Journal {
     ///
     /// # Errors
     /// Where the file system refuses.
-    pub fn add(&self, row: &Row) -> Result<()> {
+    pub(super) fn add(&self, row: &Row) -> Result<()> {
         let line = serde_json::to_string(row).into_diagnostic()? + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(line.as_bytes())
@@ -56,7 +56,7 @@ impl Journal {
 ///
 /// # Errors
 /// Where one cannot be read, or holds what no campaign of this build wrote.
-pub fn read_all(folder: &Path) -> Result<BTreeMap<u64, Row>> {
+pub(super) fn read_all(folder: &Path) -> Result<BTreeMap<u64, Row>> {
     let mut rows = BTreeMap::new();
     for entry in std::fs::read_dir(folder).into_diagnostic()? {
         let path = entry.into_diagnostic()?.path();

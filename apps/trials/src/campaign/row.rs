@@ -14,7 +14,7 @@ const REFUSED: &str = "refused";
 
 /// One run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub(super) struct Row {
     /// Its number, from 1.
     pub run: u64,
     /// Seed of everything random in its laboratory.
@@ -37,7 +37,7 @@ pub struct Row {
 type Figure = (&'static str, fn(&Summary) -> Option<f64>);
 
 /// Figures of merit, named as in `summary.json`.
-pub const FIGURES: &[Figure] = &[
+pub(super) const FIGURES: &[Figure] = &[
     ("duration_s", |s| Some(s.duration_s)),
     ("base_rotation_end_deg", |s| s.base_rotation_deg.as_ref().map(|r| r.end_deg)),
     ("base_rotation_max_deg", |s| s.base_rotation_deg.as_ref().map(|r| r.max_deg)),
@@ -72,7 +72,7 @@ pub const FIGURES: &[Figure] = &[
 ///
 /// # Errors
 /// Where this computer does not let it fly; that its values make no sense is a row as another.
-pub fn fly(campaign: &Campaign, run: u64) -> Result<Row> {
+pub(super) fn fly(campaign: &Campaign, run: u64) -> Result<Row> {
     let start = Instant::now();
     let (seed, stack) = match campaign.stack(run) {
         Ok(found) => found,
@@ -84,7 +84,7 @@ pub fn fly(campaign: &Campaign, run: u64) -> Result<Row> {
 
 impl Row {
     /// Of a flight.
-    pub fn of(campaign: &Campaign, run: u64, summary: &Summary, wall_time_s: f64) -> Self {
+    pub(super) fn of(campaign: &Campaign, run: u64, summary: &Summary, wall_time_s: f64) -> Self {
         let missed = summary.capture.as_ref().is_some_and(|capture| !capture.success);
         let misplaced = summary.carry.as_ref().is_some_and(|carry| !carry.success);
         let success = summary.outcome == "done" && !missed && !misplaced;
@@ -126,7 +126,7 @@ impl Row {
 }
 
 /// Writes rows as a Parquet file, which is there whole or not at all.
-pub fn write_table<'a>(campaign: &Campaign, rows: impl Iterator<Item = &'a Row>, path: &Path) -> Result<()> {
+pub(super) fn write_table<'a>(campaign: &Campaign, rows: impl Iterator<Item = &'a Row>, path: &Path) -> Result<()> {
     let table = table(campaign, &rows.collect::<Vec<_>>());
     let part = path.with_extension("parquet.part");
     let mut file = ParquetFile::create(&part, &table).into_diagnostic()?;

@@ -10,7 +10,7 @@ const CORES: u64 = 8;
 ///
 /// # Errors
 /// Where there is nothing to share, or the folder refuses.
-pub fn write(campaign: &Campaign, shards: u64) -> Result<()> {
+pub(super) fn write(campaign: &Campaign, shards: u64) -> Result<()> {
     if !(1..=campaign.count()).contains(&shards) {
         return Err(miette!("{shards} shards cannot share {} runs", campaign.count()));
     }

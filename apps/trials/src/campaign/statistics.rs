@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Of all runs that were flown so far.
 #[derive(Debug, Serialize)]
-pub struct Statistics {
+pub(super) struct Statistics {
     /// `fss-campaign-summary/1`.
     pub format: &'static str,
     /// The mission's name.
@@ -33,7 +33,7 @@ pub struct Statistics {
 /// How often.
 #[allow(clippy::struct_field_names)] // as the summary's file has them, where nothing else says of what
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Rate {
+pub(super) struct Rate {
     /// Runs that succeeded.
     pub succeeded: usize,
     /// Their share; `None` of no runs.
@@ -45,7 +45,7 @@ pub struct Rate {
 /// Of one figure.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(missing_docs)]
-pub struct Distribution {
+pub(super) struct Distribution {
     pub count: usize,
     pub mean: f64,
     pub std: f64,
@@ -58,7 +58,7 @@ pub struct Distribution {
 
 /// The runs of one combination of swept values.
 #[derive(Debug, Serialize)]
-pub struct Point {
+pub(super) struct Point {
     /// The values.
     pub swept: BTreeMap<String, f64>,
     /// How many were flown so far.
@@ -72,7 +72,7 @@ pub struct Point {
 
 /// A run that did not succeed.
 #[derive(Debug, Serialize)]
-pub struct Failure {
+pub(super) struct Failure {
     /// Its number.
     pub run: u64,
     /// Its seed.
@@ -87,7 +87,7 @@ pub struct Failure {
 
 impl Statistics {
     /// Of these rows of a campaign.
-    pub fn of(campaign: &Campaign, rows: &[&Row]) -> Self {
+    pub(super) fn of(campaign: &Campaign, rows: &[&Row]) -> Self {
         let swept = |row: &Row| -> BTreeMap<String, f64> {
             campaign.sweeps.iter().map(|sweep| sweep.key.clone()).zip(row.swept.iter().copied()).collect()
         };
@@ -126,7 +126,7 @@ impl Statistics {
     ///
     /// # Errors
     /// Of writing.
-    pub fn print(&self, folder: &Path) {
+    pub(super) fn print(&self, folder: &Path) {
         /// More failures, or points, than this are for the files.
         const MOST: usize = 12;
         say!("{}: {} of {} runs flown, {}", self.mission, self.flown, self.runs, self.rate);

@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 /// A key and its values.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sweep {
+pub(super) struct Sweep {
     /// As it was given.
     pub text: String,
     /// The way to the value, dotted.
@@ -19,7 +19,7 @@ pub struct Sweep {
 
 /// A key and one of its values.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SweptValue {
+pub(super) struct SweptValue {
     pub key: String,
     pub value: f64,
 }
@@ -55,7 +55,7 @@ fn even(from: f64, to: f64, count: usize) -> Vec<f64> {
 
 impl Sweep {
     /// One of its values.
-    pub fn at(&self, value: f64) -> SweptValue {
+    pub(super) fn at(&self, value: f64) -> SweptValue {
         SweptValue { key: self.key.clone(), value }
     }
 }
@@ -68,7 +68,7 @@ impl fmt::Display for SweptValue {
 
 impl SweptValue {
     /// Whether it is a value of the laboratory alone.
-    pub fn is_of_laboratory(&self) -> bool {
+    pub(super) fn is_of_laboratory(&self) -> bool {
         self.key.starts_with("laboratory.")
     }
 
@@ -77,7 +77,7 @@ impl SweptValue {
     /// # Errors
     /// Where the file has no such place. A key that the file has not, but might have, is added: the file's own reader says
     /// whether it knows it.
-    pub fn set(&self, texts: &mut Texts) -> Result<()> {
+    pub(super) fn set(&self, texts: &mut Texts) -> Result<()> {
         let (file, key) = self.key.split_once('.').unwrap_or(("", &self.key));
         let (text, key) = match file {
             "mission" => (&mut texts.mission, key),

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 /// A cause that the diagnosis asserts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Said {
+pub(super) struct Said {
     /// What it is.
     #[serde(flatten)]
     pub record: Record,
@@ -27,7 +27,7 @@ pub struct Said {
 
 /// What could stand in the place of a cause.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Alternative {
+pub(super) struct Alternative {
     /// What it is.
     #[serde(flatten)]
     pub record: Record,
@@ -41,7 +41,7 @@ pub struct Alternative {
 
 /// The answer.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Answer {
+pub(super) struct Answer {
     /// `consistent`, `explained`, `partly_explained` or `unexplained`.
     pub verdict: String,
     /// Strongest first.
@@ -105,7 +105,7 @@ fn said(cause: &Cause, marked: &MarkedCause) -> Said {
 ///
 /// # Errors
 /// Where the diagnosis fails, with what it said.
-pub fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usize>) -> Result<Answer> {
+pub(super) fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Option<usize>) -> Result<Answer> {
     let (validation, fitted) = logs.split_last().ok_or_else(|| miette!("there is no log to diagnose"))?;
     let out = folder.join("diagnosis");
     let json = folder.join("diagnosis.json");

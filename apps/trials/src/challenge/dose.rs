@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 /// The experiments of a vehicle as its plant file says, to measure laboratories by.
-pub struct Yardstick<'a> {
+pub(super) struct Yardstick<'a> {
     paths: Vec<&'a Path>,
     nominal: Vec<Shown>,
     /// Standard deviation of noise and air by channel: motion, then drives.
@@ -24,21 +24,21 @@ pub struct Yardstick<'a> {
 }
 
 /// What a laboratory shows beyond the plant file: channel by channel over all experiments, over the floor.
-pub struct Difference(Vec<Vec<f64>>);
+pub(super) struct Difference(Vec<Vec<f64>>);
 
 impl Difference {
     /// All samples, channel after channel.
-    pub fn samples(&self) -> Vec<f64> {
+    pub(super) fn samples(&self) -> Vec<f64> {
         self.0.concat()
     }
 
     /// RMS of the channel that shows most.
-    pub fn dose(&self) -> f64 {
+    pub(super) fn dose(&self) -> f64 {
         self.dose_of(&self.samples())
     }
 
     /// The same where `samples` are left of this difference.
-    pub fn dose_of(&self, samples: &[f64]) -> f64 {
+    pub(super) fn dose_of(&self, samples: &[f64]) -> f64 {
         let mut rest = samples;
         let mut largest = 0.0_f64;
         for channel in &self.0 {
@@ -59,7 +59,7 @@ impl<'a> Yardstick<'a> {
     ///
     /// # Errors
     /// Where the plant is no mechanism.
-    pub fn new(plant: &Plant, paths: Vec<&'a Path>) -> Result<Self> {
+    pub(super) fn new(plant: &Plant, paths: Vec<&'a Path>) -> Result<Self> {
         let nominal: Vec<Shown> = paths.iter().map(|path| shown(plant, path)).collect::<Result<_>>()?;
         let s = &plant.sensors;
         let pose = [s.mocap_position_m, s.mocap_position_m, s.mocap_angle_rad];
@@ -84,7 +84,7 @@ impl<'a> Yardstick<'a> {
     ///
     /// # Errors
     /// Where the laboratory is no mechanism.
-    pub fn difference(&self, laboratory: &Plant) -> Result<Difference> {
+    pub(super) fn difference(&self, laboratory: &Plant) -> Result<Difference> {
         let mut all = Difference(vec![Vec::new(); self.floor.len()]);
         for (path, nominal) in self.paths.iter().zip(&self.nominal) {
             let mut other = shown(laboratory, path)?;
@@ -106,7 +106,7 @@ impl<'a> Yardstick<'a> {
     ///
     /// # Errors
     /// Where the laboratory is no mechanism.
-    pub fn farthest_m(&self, laboratory: &Plant) -> Result<f64> {
+    pub(super) fn farthest_m(&self, laboratory: &Plant) -> Result<f64> {
         let reach = self.paths.iter().map(|path| flown(laboratory, path).map(|base| farthest_m(&base)));
         reach.collect::<Result<Vec<_>>>().map(|all| all.into_iter().fold(0.0, f64::max))
     }

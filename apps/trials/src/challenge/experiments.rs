@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_PI_2;
 use toml::{Table, Value};
 
 /// The experiments that are flown, unless fewer are asked for.
-pub const EXPERIMENTS: [&str; 5] = ["coast", "single-joint", "excitation", "thrusters", "mixed"];
+pub(super) const EXPERIMENTS: [&str; 5] = ["coast", "single-joint", "excitation", "thrusters", "mixed"];
 /// One more, kept for judging the extended model.
 const VALIDATION: &str = "validation";
 /// Experiments in which nothing but the arm moves.
@@ -30,7 +30,7 @@ const SHORTER: f64 = 0.8;
 const PERIOD_S: f64 = 0.05;
 
 /// One experiment of a vehicle.
-pub struct Experiment {
+pub(super) struct Experiment {
     /// The mission's name.
     pub name: String,
     /// The mission file.
@@ -44,7 +44,7 @@ pub struct Experiment {
 ///
 /// # Errors
 /// Where a mission cannot be fitted to the vehicle.
-pub fn of_vehicle(plant: &Plant, names: &[String]) -> Result<Vec<Experiment>> {
+pub(super) fn of_vehicle(plant: &Plant, names: &[String]) -> Result<Vec<Experiment>> {
     let can_fly = |name: &&str| plant.link_count() > 0 || !OF_THE_ARM.contains(name);
     let mut flown: Vec<&str> = names.iter().map(String::as_str).filter(can_fly).collect();
     if flown.is_empty() {

@@ -17,7 +17,7 @@ const ENOUGH: usize = 20;
 /// One gate: what was reached, and what must be.
 #[derive(Clone, Debug, Serialize)]
 #[allow(clippy::struct_field_names)]
-pub struct Gate {
+pub(super) struct Gate {
     /// What is measured.
     pub name: &'static str,
     /// The figure: a share, or a ratio.
@@ -107,7 +107,7 @@ fn wilson(hits: usize, n: usize) -> (f64, f64) {
 }
 
 /// The table of the seeds that were played.
-pub fn table(played: &[&Played]) -> Vec<Gate> {
+pub(super) fn table(played: &[&Played]) -> Vec<Gate> {
     let of = |kind: Kind| played.iter().copied().filter(move |p| p.hidden.kind == kind);
     let has_clear_dose = |p: &&Played| p.hidden.largest_dose() >= CLEAR_DOSE;
     let clear_one = || of(Kind::One).filter(has_clear_dose);
@@ -165,7 +165,7 @@ fn calibration(claims: &[(f64, bool)]) -> Option<f64> {
 }
 
 /// Prints the table.
-pub fn print(played: &[&Played]) {
+pub(super) fn print(played: &[&Played]) {
     let own = played.iter().filter(|p| p.hidden.is_own_vehicle).count();
     say!("{} seeds, {own} of them with the plant file's own vehicle\n", played.len());
     say!("{:<46} {:>8} {:>15} {:>6} {:>12}", "", "reached", "90 % interval", "cases", "gate");

@@ -28,7 +28,7 @@ const STREAM: u64 = 2;
 ///
 /// # Errors
 /// None but where the catalogue has lost Stribeck friction.
-pub fn draw(seed: u64, plant: &Plant) -> Result<Plant> {
+pub(super) fn draw(seed: u64, plant: &Plant) -> Result<Plant> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(STREAM);
     let dice = &mut random;

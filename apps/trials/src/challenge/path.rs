@@ -10,12 +10,12 @@ use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 /// Between two samples of the base, s; joints are known at half of it.
-pub const STEP_S: f64 = 0.05;
+pub(super) const STEP_S: f64 = 0.05;
 /// Time in which sines fade in and out, s.
 const FADE_S: f64 = 3.0;
 
 /// The path of one experiment. Joint values stand at every half step, the base at every step.
-pub struct Path {
+pub(super) struct Path {
     /// Encoder angles, rad.
     pub q_rad: Vec<JointVector>,
     /// Their rates, rad/s.
@@ -35,7 +35,7 @@ impl Path {
     ///
     /// # Errors
     /// Where the plant is no mechanism.
-    pub fn of(mission: &Mission, plant: &Plant) -> Result<Self> {
+    pub(super) fn of(mission: &Mission, plant: &Plant) -> Result<Self> {
         let steps = (mission.duration_s() / STEP_S) as usize;
         let q_rad: Vec<JointVector> =
             (0..=2 * steps).map(|half| reference(mission, half as f64 * STEP_S / 2.0)).collect();
@@ -61,34 +61,34 @@ impl Path {
     }
 
     /// Number of steps.
-    pub fn steps(&self) -> usize {
+    pub(super) fn steps(&self) -> usize {
         self.base.len() - 1
     }
 
     /// How far from the middle of the table the base comes along an axis, m.
-    pub fn farthest_m(&self) -> f64 {
+    pub(super) fn farthest_m(&self) -> f64 {
         farthest_m(&self.base)
     }
 
     /// How fast the base turns, rad/s.
-    pub fn fastest_rad_s(&self) -> f64 {
+    pub(super) fn fastest_rad_s(&self) -> f64 {
         self.base.iter().map(|sample| sample.velocity[2].abs()).fold(0.0, f64::max)
     }
 }
 
 /// How far from the middle of the table a base comes along an axis, m.
-pub fn farthest_m(base: &[BaseSample]) -> f64 {
+pub(super) fn farthest_m(base: &[BaseSample]) -> f64 {
     base.iter().map(|sample| sample.pose[0].abs().max(sample.pose[1].abs())).fold(0.0, f64::max)
 }
 
 /// A force and torque in base axes, in table axes instead.
-pub fn table_axes(base: &BaseSample, [fx, fy, torque]: [f64; 3]) -> Vector3<f64> {
+pub(super) fn table_axes(base: &BaseSample, [fx, fy, torque]: [f64; 3]) -> Vector3<f64> {
     let (sin, cos) = base.pose[2].sin_cos();
     Vector3::new(cos * fx - sin * fy, sin * fx + cos * fy, torque)
 }
 
 /// Coordinates of arm and base, or their rates.
-pub fn coordinates(base: [f64; 3], joints: &JointVector) -> Coordinates {
+pub(super) fn coordinates(base: [f64; 3], joints: &JointVector) -> Coordinates {
     let mut all = Coordinates::zeros();
     all.as_mut_slice()[..3].copy_from_slice(&base);
     all.as_mut_slice()[3..].copy_from_slice(joints.as_slice());
@@ -96,7 +96,7 @@ pub fn coordinates(base: [f64; 3], joints: &JointVector) -> Coordinates {
 }
 
 /// Torques that drives pass on to links which accelerate as given while `push` acts on the base, table axes (N, N, N m).
-pub fn drive_torques(
+pub(super) fn drive_torques(
     model: &Model,
     base: &BaseSample,
     joints: &JointSample,
@@ -110,7 +110,7 @@ pub fn drive_torques(
 }
 
 /// Central differences of a series at half steps.
-pub fn derivative(series: &[JointVector]) -> Vec<JointVector> {
+pub(super) fn derivative(series: &[JointVector]) -> Vec<JointVector> {
     let last = series.len().saturating_sub(1);
     (0..series.len())
         .map(|i| {

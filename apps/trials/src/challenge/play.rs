@@ -17,11 +17,11 @@ use std::time::Instant;
 use toml::{Table, Value};
 
 /// The sealed envelope's name in the folder of a game.
-pub const ENVELOPE_FILE: &str = "sealed.json";
+pub(super) const ENVELOPE_FILE: &str = "sealed.json";
 
 /// A seed that was played.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Played {
+pub(super) struct Played {
     /// What was in the envelope.
     pub hidden: Envelope,
     /// What the diagnosis said without knowing it.
@@ -37,7 +37,7 @@ pub struct Played {
 }
 
 /// What all seeds share.
-pub struct Game {
+pub(super) struct Game {
     /// The vehicle of the plant file.
     pub plant: Plant,
     /// Whether other vehicles are drawn too.
@@ -48,7 +48,7 @@ pub struct Game {
 
 /// How a seed is played.
 #[derive(Clone, Copy)]
-pub struct Manner<'a> {
+pub(super) struct Manner<'a> {
     /// Where logs and envelope are left, or nowhere.
     pub folder: Option<&'a Path>,
     /// Whether the logs stay.
@@ -64,7 +64,7 @@ impl Game {
     ///
     /// # Errors
     /// Where the seed's laboratory cannot be flown or the diagnosis fails.
-    pub fn play(&self, seed: u64, manner: Manner<'_>) -> Result<Played> {
+    pub(super) fn play(&self, seed: u64, manner: Manner<'_>) -> Result<Played> {
         (manner.say)("sealing an envelope");
         let begun = Instant::now();
         let (plant, is_own) =
@@ -155,7 +155,7 @@ fn make(folder: &Path) -> Result<()> {
 const SCRATCH: &str = "fss-challenge-";
 
 /// Removes the folders of games whose process was killed.
-pub fn sweep() {
+pub(super) fn sweep() {
     let Ok(entries) = std::fs::read_dir(std::env::temp_dir()) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();

@@ -10,7 +10,7 @@ use fss_plant::{BaseSample, Grid, JointPhysics, JointSample, Physics, Plant, Rol
 use miette::{IntoDiagnostic, Result};
 
 /// Steps of a window: 5 s.
-pub const WINDOW_STEPS: usize = 100;
+pub(super) const WINDOW_STEPS: usize = 100;
 /// Steps between two reports of a link.
 const TELEMETRY_STEPS: usize = 4;
 /// A joint that is slower than this may rest, and then friction holds it with any torque, rad/s.
@@ -18,12 +18,12 @@ const AT_REST_RAD_S: f64 = 0.03;
 /// Torque at which a joint with play leans to one side, N m.
 const LEANS_N_M: f64 = 0.02;
 /// Channels of the base: motion capture x, y, heading; gyro.
-pub const BASE_CHANNELS: usize = 4;
+pub(super) const BASE_CHANNELS: usize = 4;
 /// Channels of the end-effector: motion capture x, y, heading.
-pub const END_EFFECTOR_CHANNELS: usize = 3;
+pub(super) const END_EFFECTOR_CHANNELS: usize = 3;
 
 /// What the sensors show in one experiment.
-pub struct Shown {
+pub(super) struct Shown {
     /// Base, and end-effector where there is an arm: channel by channel, a sample each step.
     pub motion: Vec<Vec<f64>>,
     /// Torque sensors, then currents: link by link, a sample each report, 0 while the joint may rest.
@@ -34,7 +34,7 @@ pub struct Shown {
 ///
 /// # Errors
 /// Where the laboratory is no mechanism.
-pub fn shown(laboratory: &Plant, path: &Path) -> Result<Shown> {
+pub(super) fn shown(laboratory: &Plant, path: &Path) -> Result<Shown> {
     let rollout = Rollout::new(laboratory).into_diagnostic()?;
     let joints = link_motion(&rollout, path);
     let (steps, links) = (path.steps(), laboratory.link_count());
@@ -61,7 +61,7 @@ pub fn shown(laboratory: &Plant, path: &Path) -> Result<Shown> {
 ///
 /// # Errors
 /// Where the laboratory is no mechanism.
-pub fn flown(laboratory: &Plant, path: &Path) -> Result<Vec<BaseSample>> {
+pub(super) fn flown(laboratory: &Plant, path: &Path) -> Result<Vec<BaseSample>> {
     let rollout = Rollout::new(laboratory).into_diagnostic()?;
     let joints = link_motion(&rollout, path);
     let grid = Grid { start_s: 0.0, step_s: STEP_S, steps: path.steps() };

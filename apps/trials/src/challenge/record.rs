@@ -5,14 +5,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A hidden effect below this dose shows nowhere: whatever is said of it would be a guess.
-pub const VISIBLE_DOSE: f64 = 0.1;
+pub(super) const VISIBLE_DOSE: f64 = 0.1;
 /// From this dose on an effect must be found.
-pub const CLEAR_DOSE: f64 = 2.0;
+pub(super) const CLEAR_DOSE: f64 = 2.0;
 
 /// What kind of secret a seed has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub(super) enum Kind {
     /// Nothing is hidden.
     None,
     /// One effect of the catalogue.
@@ -25,7 +25,7 @@ pub enum Kind {
 
 /// An effect in plain words and numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub(super) struct Record {
     /// Its id.
     pub effect: String,
     /// Which thruster, link or joint, from 1.
@@ -43,7 +43,7 @@ pub struct Record {
 
 impl Record {
     /// Of an effect.
-    pub fn of(effect: &Effect) -> Self {
+    pub(super) fn of(effect: &Effect) -> Self {
         let names = effect.about().parameters.iter().map(|p| p.name.to_owned());
         Self {
             effect: effect.id().to_owned(),
@@ -55,7 +55,7 @@ impl Record {
     }
 
     /// Whether two are the same cause, whatever their size. Two exchanged valves have no order.
-    pub fn is_same_cause(&self, other: &Self) -> bool {
+    pub(super) fn is_same_cause(&self, other: &Self) -> bool {
         if self.effect == "valve_swap" && other.effect == "valve_swap" {
             let pair = |r: &Self| {
                 let own = r.index.unwrap_or(0);
@@ -86,19 +86,19 @@ impl std::fmt::Display for Record {
 }
 
 /// Four significant digits.
-pub fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     let digits = if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).clamp(0, 9) };
     format!("{value:.0$}", digits as usize)
 }
 
 /// Whether a parameter only shapes an effect whose size is another parameter.
-pub fn is_shape(name: &str) -> bool {
+pub(super) fn is_shape(name: &str) -> bool {
     matches!(name, "other_index" | "rest_rad" | "anchor_x_m" | "anchor_y_m" | "velocity_rad_s" | "cycles_per_rev")
 }
 
 /// One hidden effect.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct HiddenEffect {
+pub(super) struct HiddenEffect {
     /// What it is.
     #[serde(flatten)]
     pub record: Record,
@@ -116,7 +116,7 @@ pub struct HiddenEffect {
 
 /// The sealed envelope.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Envelope {
+pub(super) struct Envelope {
     /// `fss-challenge-envelope/2`.
     pub format: String,
     /// The seed that all of this was drawn from.
@@ -133,12 +133,12 @@ pub struct Envelope {
 
 impl Envelope {
     /// The largest dose that is hidden; 0 where nothing is.
-    pub fn largest_dose(&self) -> f64 {
+    pub(super) fn largest_dose(&self) -> f64 {
         self.effects.iter().map(|effect| effect.dose_beyond_tolerance).fold(0.0, f64::max)
     }
 
     /// The smallest dose that is hidden; infinite where nothing is.
-    pub fn smallest_dose(&self) -> f64 {
+    pub(super) fn smallest_dose(&self) -> f64 {
         self.effects.iter().map(|effect| effect.dose_beyond_tolerance).fold(f64::INFINITY, f64::min)
     }
 }

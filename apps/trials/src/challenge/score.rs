@@ -14,7 +14,7 @@ const HALF_INTERVAL: f64 = 1.645;
 
 /// The marks of one seed.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Score {
+pub(super) struct Score {
     /// It says that something is wrong.
     pub detected: bool,
     /// Its first cause, or one that the data cannot tell from it, is hidden.
@@ -41,7 +41,7 @@ pub struct Score {
 type Named<'a> = (&'a HiddenEffect, &'a Record, &'a BTreeMap<String, f64>);
 
 /// Scores what was said against what was hidden.
-pub fn score(envelope: &Envelope, answer: &Answer) -> Score {
+pub(super) fn score(envelope: &Envelope, answer: &Answer) -> Score {
     // What is outside the catalogue has no right name.
     let hidden: &[HiddenEffect] = if envelope.kind == Kind::Outside { &[] } else { &envelope.effects };
     let named = |said: &'_ Said| hidden.iter().any(|truth| names(said, truth).is_some());

@@ -25,7 +25,7 @@ const NO_DOSE: f64 = 1e-3;
 const STREAM: u64 = 3;
 
 /// A seed's secret.
-pub struct Secret {
+pub(super) struct Secret {
     /// What to open in the end.
     pub envelope: Envelope,
     /// What the laboratory has beside its plant.
@@ -36,7 +36,7 @@ pub struct Secret {
 ///
 /// # Errors
 /// Where the plant and an effect make no mechanism.
-pub fn draw(seed: u64, plant: &Plant, is_own_vehicle: bool, paths: Vec<&Path>) -> Result<Secret> {
+pub(super) fn draw(seed: u64, plant: &Plant, is_own_vehicle: bool, paths: Vec<&Path>) -> Result<Secret> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(STREAM);
     let lot: f64 = random.random();

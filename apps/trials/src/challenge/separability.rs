@@ -19,7 +19,7 @@ const SWEEPS: usize = 60;
 const TYPICAL_STIFFNESS_N_M_RAD: f64 = 500.0;
 
 /// What a vehicle's uncertain values do to the sensors.
-pub struct Tolerances {
+pub(super) struct Tolerances {
     responses: Vec<Vec<f64>>,
     /// Products of these.
     gram: Vec<Vec<f64>>,
@@ -30,7 +30,7 @@ impl Tolerances {
     ///
     /// # Errors
     /// Where the plant is no mechanism.
-    pub fn new(plant: &Plant, yardstick: &Yardstick<'_>) -> Result<Self> {
+    pub(super) fn new(plant: &Plant, yardstick: &Yardstick<'_>) -> Result<Self> {
         let response = |laboratory: &Plant| yardstick.difference(laboratory).map(|difference| difference.samples());
         let responses: Vec<Vec<f64>> = moved(plant).iter().map(response).collect::<Result<_>>()?;
         let gram = responses.iter().map(|a| responses.iter().map(|b| dot(a, b)).collect()).collect();
@@ -38,7 +38,7 @@ impl Tolerances {
     }
 
     /// What the uncertain values leave of a difference: least squares in a box, by coordinates.
-    pub fn take_off(&self, difference: &Difference) -> Vec<f64> {
+    pub(super) fn take_off(&self, difference: &Difference) -> Vec<f64> {
         let mut left = difference.samples();
         let products: Vec<f64> = self.responses.iter().map(|response| dot(response, &left)).collect();
         let mut moved = vec![0.0; self.responses.len()];
@@ -60,7 +60,7 @@ impl Tolerances {
 ///
 /// # Errors
 /// Where another effect makes no mechanism.
-pub fn is_separable(effect: &Effect, left: &[f64], plant: &Plant, yardstick: &Yardstick<'_>) -> Result<bool> {
+pub(super) fn is_separable(effect: &Effect, left: &[f64], plant: &Plant, yardstick: &Yardstick<'_>) -> Result<bool> {
     let whole = dot(left, left).max(1e-12);
     let is_same = |other: &Effect| {
         other.id() == effect.id() && other.index() == effect.index() && other.channel() == effect.channel()

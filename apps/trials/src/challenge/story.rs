@@ -5,7 +5,7 @@ use super::record::{CLEAR_DOSE, Kind, VISIBLE_DOSE, short};
 use std::path::Path;
 
 /// Tells what was said, what was hidden, and how good that is.
-pub fn tell(played: &Played, folder: &Path) {
+pub(super) fn tell(played: &Played, folder: &Path) {
     let Played { hidden, said, score, .. } = played;
     let vehicle = if hidden.is_own_vehicle { "the plant file's vehicle" } else { "a drawn vehicle" };
     say!("Challenge of seed {}: {vehicle}, {} links", hidden.seed, hidden.links);
@@ -89,7 +89,7 @@ fn is_miss(played: &Played) -> bool {
 }
 
 /// Prints the misses.
-pub fn misses(played: &[&Played]) {
+pub(super) fn misses(played: &[&Played]) {
     let misses: Vec<&&Played> = played.iter().filter(|p| is_miss(p)).collect();
     say!("\n{} misses", misses.len());
     for played in misses {

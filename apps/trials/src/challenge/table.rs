@@ -11,7 +11,7 @@ use std::path::Path;
 const FORMAT: &str = "fss-challenge-table/2";
 
 /// The seeds that were played, by their number.
-pub type Seeds = BTreeMap<u64, Played>;
+pub(super) type Seeds = BTreeMap<u64, Played>;
 
 /// The file.
 #[derive(Serialize, Deserialize)]
@@ -27,7 +27,7 @@ struct File {
 ///
 /// # Errors
 /// Where the file is another's, or its seeds flew other experiments.
-pub fn load(path: &Path, experiments: &[String]) -> Result<Seeds> {
+pub(super) fn load(path: &Path, experiments: &[String]) -> Result<Seeds> {
     if !path.exists() {
         return Ok(Seeds::new());
     }
@@ -58,7 +58,7 @@ pub fn load(path: &Path, experiments: &[String]) -> Result<Seeds> {
 ///
 /// # Errors
 /// Where the folder refuses.
-pub fn save(path: &Path, experiments: &[String], played: &Seeds) -> Result<()> {
+pub(super) fn save(path: &Path, experiments: &[String], played: &Seeds) -> Result<()> {
     let gates = table(&played.values().collect::<Vec<_>>());
     let seeds = played.values().cloned().collect();
     let file = File { format: FORMAT.to_owned(), experiments: experiments.to_vec(), seeds, gates };

@@ -15,7 +15,7 @@ const MOST_LINKS: usize = 4;
 const STREAM: u64 = 1;
 
 /// The plant of a seed's vehicle, and whether it is `own`.
-pub fn draw(seed: u64, own: &Plant) -> (Plant, bool) {
+pub(super) fn draw(seed: u64, own: &Plant) -> (Plant, bool) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(STREAM);
     if random.random::<f64>() < OWN_SHARE {

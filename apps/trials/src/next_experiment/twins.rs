@@ -28,7 +28,7 @@ const FAST_CHANNELS: usize = 7;
 const AT_REST_RAD_S: f64 = 0.03;
 
 /// The experiments, ready to be played on any laboratory of one plant.
-pub struct Twins {
+pub(super) struct Twins {
     /// As the laboratory believes to be.
     nominal: Plant,
     model: Model,
@@ -45,24 +45,24 @@ struct Seen {
 }
 
 /// What one laboratory shows beyond another: by channel, over time of all runs, over noise and disturbance.
-pub struct Difference {
+pub(super) struct Difference {
     channels: Vec<Vec<f64>>,
     farthest_m: f64,
 }
 
 impl Difference {
     /// All samples, channel after channel.
-    pub fn samples(&self) -> Vec<f64> {
+    pub(super) fn samples(&self) -> Vec<f64> {
         self.channels.concat()
     }
 
     /// How far from the middle of the table the base comes along an axis, m.
-    pub fn farthest_m(&self) -> f64 {
+    pub(super) fn farthest_m(&self) -> f64 {
         self.farthest_m
     }
 
     /// RMS of the channel that shows most, where `samples` are what is left of this difference.
-    pub fn dose_of(&self, samples: &[f64]) -> f64 {
+    pub(super) fn dose_of(&self, samples: &[f64]) -> f64 {
         let mut rest = samples;
         let mut largest = 0.0_f64;
         for channel in &self.channels {
@@ -75,14 +75,14 @@ impl Difference {
 }
 
 /// What a laboratory shows without the effects that are asked about.
-pub struct Baseline(Vec<Seen>);
+pub(super) struct Baseline(Vec<Seen>);
 
 impl Twins {
     /// Of flights on `plant`, whose commands are given.
     ///
     /// # Errors
     /// Where the plant is no mechanism.
-    pub fn new(plant: &Plant, flights: Vec<Commands>) -> Result<Self> {
+    pub(super) fn new(plant: &Plant, flights: Vec<Commands>) -> Result<Self> {
         let s = &plant.sensors;
         let (p, a) = (s.mocap_position_m, s.mocap_angle_rad);
         let mut noise = vec![p, p, a, s.gyro_rad_s, p, p, a];
@@ -104,7 +104,7 @@ impl Twins {
     ///
     /// # Errors
     /// Where the plant is no mechanism.
-    pub fn baseline(&self, room: &Plant) -> Result<Baseline> {
+    pub(super) fn baseline(&self, room: &Plant) -> Result<Baseline> {
         Ok(Baseline(self.play(&quiet(room, false))?))
     }
 
@@ -112,7 +112,7 @@ impl Twins {
     ///
     /// # Errors
     /// Where the laboratory is no mechanism.
-    pub fn difference(&self, laboratory: &Plant, baseline: &Baseline) -> Result<Difference> {
+    pub(super) fn difference(&self, laboratory: &Plant, baseline: &Baseline) -> Result<Difference> {
         Ok(self.compare(baseline, &self.play(&quiet(laboratory, false))?))
     }
 
