@@ -97,9 +97,9 @@ impl Flight {
 
     /// The process of one of its services.
     fn process(&self, service: &str) -> u32 {
-        let words = format!("service\0{service}\0");
+        let (words, own_program) = (format!("service\0{service}\0"), format!("fss-{service}\0"));
         let folder = self.folder.canonicalize().unwrap().display().to_string();
-        let is_it = |line: &str| line.contains(&words) && line.contains(&folder);
+        let is_it = |line: &str| (line.contains(&words) || line.contains(&own_program)) && line.contains(&folder);
         let mut processes = std::fs::read_dir("/proc").unwrap().flatten().filter_map(|entry| {
             let id = entry.file_name().to_string_lossy().parse::<u32>().ok()?;
             let line = std::fs::read(entry.path().join("cmdline")).ok()?;

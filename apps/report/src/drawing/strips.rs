@@ -10,7 +10,8 @@ const LEFT: f64 = 58.0;
 const RIGHT: f64 = 12.0;
 const TITLE: f64 = 20.0;
 /// Colours of lines, in their order: distinguishable, also in print.
-pub(crate) const COLOURS: [&str; 8] = ["#2b6ca3", "#b3402a", "#2f7d4f", "#b8860b", "#6b4c9a", "#177e89", "#8a5a44", "#555555"];
+pub(crate) const COLOURS: [&str; 8] =
+    ["#2b6ca3", "#b3402a", "#2f7d4f", "#b8860b", "#6b4c9a", "#177e89", "#8a5a44", "#555555"];
 
 /// One line of a strip.
 pub(crate) struct Line<'a> {
