@@ -1,10 +1,12 @@
 //! What a laboratory is besides its plant: the start of the run, the networks, the faults on purpose.
 
-use crate::devices::camera::OBJECTS;
 use crate::{LabError, Network};
 use fss_plant::{MAX_LINKS, Plant};
 use fss_wire::link::Key;
 use serde::{Deserialize, Serialize};
+
+/// What Tracker calls them.
+pub(crate) const OBJECTS: [&str; 3] = ["base", "end_effector", "target"];
 
 /// Where everything is when the run starts. Joints beyond those given are at zero.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

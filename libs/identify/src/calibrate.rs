@@ -19,6 +19,7 @@ mod drift;
 pub mod dynamic;
 pub mod kinematic;
 mod least_squares;
+mod linear;
 mod motion;
 pub mod plan;
 mod sandwich;

@@ -1,6 +1,6 @@
 //! Commands of a flight, played again on a simulation.
 
-use crate::measured::Many;
+use crate::series::Many;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, JointCommand, Plant, Servo, Simulation};
 

@@ -28,6 +28,7 @@ mod normal;
 mod prediction;
 mod search;
 mod sensitivity;
+mod series;
 pub mod straight_path;
 mod tolerance;
 mod trial;

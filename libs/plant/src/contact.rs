@@ -2,24 +2,12 @@
 
 use fss_multibody::{Coordinates, MAX_DOF};
 
-use crate::parts;
 use crate::physics::Grasped;
 use crate::simulation::Simulation;
+use crate::target::Target;
 
 /// How far beyond the target's rim the gripper still takes hold (m).
 const GRASP_REACH_M: f64 = 0.02;
-
-/// A passive disc in motion.
-#[derive(Debug, Clone)]
-pub(crate) struct Target {
-    body: parts::Target,
-    pose: [f64; 3],
-    velocity: [f64; 3],
-    /// Where it is held in the last link's frame: joint to its centre, and its heading there.
-    held: Option<[f64; 3]>,
-    /// All that the tip has pushed it so far, table axes (N s).
-    pushed_n_s: [f64; 2],
-}
 
 /// Why nothing was grasped.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -39,12 +27,6 @@ pub enum GraspError {
         /// Between tip and rim (m).
         gap_m: f64,
     },
-}
-
-impl Target {
-    pub(crate) fn new(body: &parts::Target) -> Self {
-        Self { pose: body.pose, velocity: body.velocity, body: body.clone(), held: None, pushed_n_s: [0.0; 2] }
-    }
 }
 
 impl Simulation {

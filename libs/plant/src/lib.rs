@@ -43,6 +43,7 @@ mod rollout;
 mod room;
 mod servo;
 mod simulation;
+mod target;
 mod thrust;
 mod thruster;
 mod truth;

@@ -3,13 +3,13 @@
 use fss_multibody::{Model, ModelError, State};
 
 use crate::check::MAX_LINKS;
-use crate::contact::Target;
 use crate::dynamics::{Dynamics, Load, Motion};
 use crate::file::Plant;
 use crate::physics::{Grasped, Physics};
 use crate::power::{Air, Charge};
 use crate::room::Room;
 use crate::servo::{Driver, Joint, JointCommand};
+use crate::target::Target;
 use crate::thrust;
 use crate::truth::{History, Moment, Truth};
 use crate::valves::Valve;

@@ -1,14 +1,12 @@
 //! Overhead motion capture: poses of base, end-effector and target, as Tracker sends them.
 
-use crate::config::{ActiveFaults, FaultKind};
+use crate::config::{ActiveFaults, FaultKind, OBJECTS};
 use fss_plant::{Instruments, Simulation};
 use fss_wire::vicon::{self, MAX_DATAGRAM_LEN, Object, ViconError};
 use std::f64::consts::PI;
 
 /// Heights of the markers above the granite (m): base, end-effector, target. No part of the planar motion.
 const HEIGHTS_M: [f64; 3] = [0.25, 0.15, 0.25];
-/// What Tracker calls them.
-pub(crate) const OBJECTS: [&str; 3] = ["base", "end_effector", "target"];
 
 /// The camera system.
 #[derive(Debug, Clone)]

@@ -1,5 +1,6 @@
 //! Iterative batch least squares with weights estimated from the residuals, rank and covariance.
 
+use super::linear::{Linear, SHORTEST_SERIES};
 use super::words::{SHARE, in_words};
 use super::{CalibrationError, Estimate, Estimated, Row, Unknown, sandwich};
 use nalgebra::{DMatrix, DVector};
@@ -14,8 +15,6 @@ const SETTLE_AFTER: usize = 3;
 
 /// Step of numerical derivatives, in what is plausible.
 const STEP: f64 = 1e-5;
-/// Autocorrelation is looked for in series of this many samples and more.
-pub(super) const SHORTEST_SERIES: usize = 12;
 /// Residuals beyond this many standard deviations are outliers.
 const OUTLIER: f64 = 5.0;
 
@@ -56,37 +55,6 @@ struct Fit<'a> {
     rejected: Vec<usize>,
     /// Fewest degrees of freedom that a noise was estimated with; infinite while all are the sensors'.
     freedom: f64,
-}
-
-/// The weighted problem at one point, columns in units of what is plausible.
-pub(super) struct Linear {
-    residual: Vec<f64>,
-    jacobian: DMatrix<f64>,
-    pub(super) singular: Vec<f64>,
-    pub(super) right: DMatrix<f64>,
-    pub(super) left: DMatrix<f64>,
-}
-
-impl Linear {
-    fn is_seen(&self, k: usize) -> bool {
-        let largest = self.singular.iter().copied().fold(0.0, f64::max);
-        self.singular[k] > 1.0 && self.singular[k] > 1e-7 * largest
-    }
-
-    /// Of the estimate along a direction: data and first guess together, in units of what is plausible.
-    pub(super) fn variance(&self, k: usize) -> f64 {
-        1.0 / (self.singular[k].powi(2) + 1.0)
-    }
-
-    /// The part of it that the data's noise has, and the part that the first guess has.
-    fn shares(&self, k: usize) -> (f64, f64) {
-        let guessed = self.variance(k).powi(2);
-        (self.singular[k].powi(2) * guessed, guessed)
-    }
-
-    fn rank(&self) -> usize {
-        (0..self.singular.len()).filter(|k| self.is_seen(*k)).count()
-    }
 }
 
 impl<'a> Fit<'a> {

@@ -7,7 +7,7 @@
 //! corrected for it as if errors were white (Bell and McCaffrey, Survey Methodology 28, 2002).
 
 use super::Row;
-use super::least_squares::{Linear, SHORTEST_SERIES};
+use super::linear::{Linear, SHORTEST_SERIES};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
