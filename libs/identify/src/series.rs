@@ -72,3 +72,35 @@ impl Many {
         Some(second(before) + share * (second(after) - second(before)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn rows_are_found_at_once_or_by_search_the_same() {
+        let seed = 16;
+        println!("seed {seed}");
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        for case in 0..200 {
+            // Even rows, rows of a shaky clock, and rows with gaps and repeats.
+            let count = rng.random_range(0..60);
+            let mut now = rng.random_range(-5.0..5.0);
+            let mut next = || {
+                now += match case % 3 {
+                    0 => 0.005,
+                    1 => 0.01 + rng.random_range(-0.004..0.004),
+                    _ => [0.0, 0.01, 3.0][rng.random_range(0..3)],
+                };
+                now
+            };
+            let t_s: Vec<f64> = (0..count).map(|_| next()).collect();
+            let asked = t_s.iter().flat_map(|t| [*t, t - 1e-9, t + 0.004]).chain([f64::MIN, -6.0, 1e9, f64::NAN]);
+            for t in asked.collect::<Vec<_>>() {
+                let many = Many { t_s: t_s.clone(), values: Vec::new() };
+                assert_eq!(many.rows_until(t), t_s.partition_point(|row| *row <= t), "{t} in {t_s:?}");
+            }
+        }
+    }
+}
