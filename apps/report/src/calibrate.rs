@@ -7,7 +7,7 @@ mod plan;
 
 use clap::{Args, Subcommand};
 use dynamic::DynamicArgs;
-use fss_identify::calibrate::{Estimate, write as plant_file};
+use fss_calibrate::{Estimate, write as plant_file};
 use fss_launcher::files::{PlantAndAnswer, write};
 use fss_plant::Plant;
 use kinematic::KinematicArgs;

@@ -10,7 +10,7 @@ mod summary;
 
 use clap::Args;
 use engine::{Engine, diagnose};
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_launcher::files::{TextFile, write};
 use fss_plant::Plant;
 use indicatif::{ProgressBar, ProgressStyle};

@@ -4,11 +4,11 @@ mod contours;
 mod figures;
 
 use clap::Args;
-use fss_identify::straight_path::{straight_path, straight_path_area_m2};
-use fss_identify::workspace::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};
 use fss_launcher::files::{TextFile, write};
 use fss_multibody::{Base, Coordinates, Manipulability, Model};
 use fss_plant::Plant;
+use fss_workspace::reach::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};
+use fss_workspace::straight_path::{straight_path, straight_path_area_m2};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
 use serde_json::{Value, json};

@@ -20,7 +20,7 @@ mod samples;
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use fss_estimation::Columns;
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Pulse, ValveHistory};
 use noise_model::NoiseModel;

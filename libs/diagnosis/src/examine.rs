@@ -4,7 +4,7 @@
 //! is told.
 
 use crate::startup_transient::startup_transient_end_s;
-use fss_identify::measured::{Poses, Run};
+use fss_experiments::measured::{Poses, Run};
 use fss_plant::Plant;
 use std::f64::consts::TAU;
 

@@ -33,7 +33,7 @@ mod track;
 
 use crate::block::{Block, HyperParameter};
 use fss_estimation::Columns;
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};

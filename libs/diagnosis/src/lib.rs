@@ -38,7 +38,7 @@ pub use conclude::ASSERTED;
 use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};
 pub use draw::drawn_causes;
 use examine::{Examined, examine};
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 use problem::Problem;

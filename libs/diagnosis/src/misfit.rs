@@ -3,7 +3,7 @@
 use crate::diagnosis::ChannelMisfit;
 use crate::problem::Problem;
 use fss_estimation::Columns;
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 use rayon::prelude::*;

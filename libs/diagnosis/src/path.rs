@@ -2,7 +2,7 @@
 //! deviations from it stay small however large a fault is.
 
 use fss_estimation::smoothing::{Measurement, Noise, Smoothed, smooth};
-use fss_identify::measured::{Many, Run};
+use fss_experiments::measured::{Many, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
 use fss_plant::{Physics, Sensors, Stream};
 

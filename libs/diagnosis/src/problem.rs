@@ -5,7 +5,7 @@ use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, candidates};
 use crate::joints::joint_block;
 use crate::uncertain::{Uncertain, uncertain};
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Response};
 use rayon::prelude::*;

@@ -18,7 +18,7 @@ use crate::diagnosis::MissingPulse;
 use crate::problem::{Member, Problem};
 use crate::search::{DISCRETE_SD, Searched, log_sum};
 use fss_estimation::Columns;
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Pulse};
 use nalgebra::{Cholesky, DMatrix, DVector};

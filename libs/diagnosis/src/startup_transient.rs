@@ -3,7 +3,7 @@
 //! Until its drives take up their commands something may fling an arm about, a spring at a joint, say. Between two reports it
 //! then goes anywhere, and the base with it: no model of the base can be judged by that time.
 
-use fss_identify::measured::{Joints, Run};
+use fss_experiments::measured::{Joints, Run};
 
 /// Angles that reports, taken together, leave open by more than this are not known, rad: what a drive does where it takes
 /// up a command stays well below.
@@ -46,7 +46,7 @@ fn open_rad(run: &Run, joints: &Joints, joint: usize) -> Vec<(f64, f64)> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use fss_identify::measured::{Many, Poses};
+    use fss_experiments::measured::{Many, Poses};
 
     /// An arm of one joint that is told to rest for 20 s, and swings with this rate until this time.
     fn swinging(rate_rad_s: f64, until_s: f64) -> Run {

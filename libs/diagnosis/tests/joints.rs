@@ -5,7 +5,7 @@
 use fss_diagnosis::block::{Block, HyperParameter};
 use fss_diagnosis::joints::{JointBlock, joint_block};
 use fss_estimation::Columns;
-use fss_identify::measured::{Drive, Joints, Many, Run};
+use fss_experiments::measured::{Drive, Joints, Many, Run};
 use fss_plant::{Effect, Instruments, JointCommand, Plant, Simulation};
 use nalgebra::{DMatrix, DVector};
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_diagnosis::diagnose;
-use fss_identify::measured::{Poses, Run};
+use fss_experiments::measured::{Poses, Run};
 use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

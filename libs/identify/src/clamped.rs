@@ -1,7 +1,7 @@
 //! A clamped arm: its joints are simulated from a fitted state, driven by the measured current or by nothing.
 
-use crate::measured::{Drive, Joints, Run};
 use crate::trial::{Flight, Record, RowInfo, Span, Trial, Whitened};
+use fss_experiments::measured::{Drive, Joints, Run};
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointCommand, Place, Plant, Simulation};
 use std::ops::Range;

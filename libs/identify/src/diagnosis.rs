@@ -6,12 +6,12 @@ use crate::hypothesis::OUTSIDE;
 use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
 use crate::integrity::{Examined, examine};
-use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows};
 use crate::prediction::{Data, Runs, overall, predictive};
 use crate::search::selected;
 use crate::unexplained::{Unexplained, describe};
 use crate::verdict::{Judgement, judge, nothing_asserted};
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
 

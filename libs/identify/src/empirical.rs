@@ -2,10 +2,10 @@
 
 use crate::contest::{Contest, Refined};
 use crate::hypothesis::OUTSIDE;
-use crate::measured::{Poses, Run};
 use crate::prediction::Data;
 use crate::sensitivity::Column;
 use crate::verdict::Cause;
+use fss_experiments::measured::{Poses, Run};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, EffectError, Plant};
 use nalgebra::DVector;

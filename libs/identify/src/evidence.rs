@@ -5,10 +5,10 @@
 //! with `M` the projector, `J_i' M J_j` and `J_k' M r` hold all that a linear fit of any subset of changes needs. The
 //! sums over windows or runs are then as cheap as they are small.
 
-use crate::measured::Run;
 use crate::misfit::Windows;
 use crate::trial::{Record, Span, Trial};
 use crate::{clamped::Clamped, floating::Floating};
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! What could be wrong: every effect of the catalogue, as coordinates that the data can be asked about.
 
-use crate::measured::Run;
 use crate::trial::Trial;
+use fss_experiments::measured::Run;
 use fss_plant::{Effect, Place, Plant, effects};
 
 /// One possible cause.

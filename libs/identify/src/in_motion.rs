@@ -4,8 +4,8 @@
 //! commands out hangs on the masses that they move, and simulated with those of the plant file a heavier base looks like a
 //! soft drive.
 
-use crate::commands::Commands;
-use crate::measured::Run;
+use fss_experiments::commands::Commands;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Place, Plant};
 use rayon::prelude::*;

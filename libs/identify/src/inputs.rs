@@ -5,9 +5,9 @@
 //! than none are not those of the motion. Whose they are instead, another run's or the same at another time, is tried next.
 
 use crate::evidence::Evidence;
-use crate::measured::Run;
 use crate::misfit::Windows;
 use crate::trial::Trial;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use rayon::prelude::*;
 

@@ -4,7 +4,7 @@
 //! is told.
 
 use crate::in_hand::in_hand_from_s;
-use crate::measured::{Poses, Run};
+use fss_experiments::measured::{Poses, Run};
 use fss_plant::Plant;
 use std::f64::consts::TAU;
 

@@ -8,7 +8,7 @@
 mod arm;
 mod base;
 
-use crate::measured::{Drive, Run};
+use fss_experiments::measured::{Drive, Run};
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 

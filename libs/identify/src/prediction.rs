@@ -1,10 +1,10 @@
 //! What a model is worth for runs that were kept out of the fit.
 
 use crate::evidence::Evidence;
-use crate::measured::Run;
 use crate::misfit::{ChannelMisfit, Windows, of_run};
 use crate::trial::Trial;
 use crate::verdict::{ALL_EXPLAINED, Cause};
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 use rayon::prelude::*;

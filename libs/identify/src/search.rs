@@ -1,7 +1,7 @@
 //! The causes that the data insist on, with uncertain values where these causes leave them.
 
 use crate::contest::{Contest, DOUBTFUL, MOST_AT_ONCE, MOST_CAUSES, Refined, Selection};
-use crate::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 

@@ -3,8 +3,8 @@
 use crate::contest::{Contest, GYRO, Refined, Shaken};
 use crate::empirical::{Dependence, Term, columns, velocity};
 use crate::hypothesis::OUTSIDE;
-use crate::measured::Run;
 use crate::verdict::Cause;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
 use std::f64::consts::FRAC_PI_2;

@@ -2,7 +2,7 @@
 
 use fss_diagnosis::diagnosis::{Cause, Diagnosis};
 use fss_diagnosis::drawn_causes;
-use fss_identify::measured::{Poses, Run, Series};
+use fss_experiments::measured::{Poses, Run, Series};
 use fss_multibody::ModelError;
 use fss_plant::effects::UNMODELLED;
 use fss_plant::{Effect, Instruments, Plant, Simulation};

@@ -1,6 +1,6 @@
 //! An estimate told: as a table for a person, as JSON for a machine.
 
-use fss_identify::calibrate::Estimate;
+use fss_calibrate::Estimate;
 use serde_json::{Map, Value, json};
 
 /// Quantiles of the normal distribution for intervals of 90 and 95 percent.

@@ -1,8 +1,8 @@
 //! `fss calibrate plan`: the postures that determine the kinematics best, as a mission.
 
 use clap::{Args, ValueEnum};
-use fss_identify::calibrate::kinematic::Choice;
-use fss_identify::calibrate::plan::{self, Criterion, Limits, Plan};
+use fss_calibrate::kinematic::Choice;
+use fss_calibrate::plan::{self, Criterion, Limits, Plan};
 use fss_launcher::files::{read_plant, write};
 use fss_multibody::{Coordinates, MAX_LINKS, Model};
 use fss_plant::Plant;

@@ -2,8 +2,8 @@
 
 use clap::ValueEnum;
 use fss_diagnosis::diagnosis::{Alternative, Cause, ChannelMisfit, Diagnosis, Gain, Remainder, Verdict};
+use fss_experiments::measured::Run;
 use fss_identify::diagnosis as windowed;
-use fss_identify::measured::Run;
 use fss_identify::misfit;
 use fss_multibody::ModelError;
 use fss_plant::Plant;

@@ -7,8 +7,8 @@
 //! handed on as the joints' command is the motion that the plant's own drivers would make of it: the smooth part of what
 //! telemetry, as slow as the commands, cannot show.
 
-use fss_identify::commands::Commands;
-use fss_identify::measured::{self, Drive, Joints, Poses, Run, Series};
+use fss_experiments::commands::Commands;
+use fss_experiments::measured::{self, Drive, Joints, Poses, Run, Series};
 use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Posture, Sample, ThrustersState, topic};
 use fss_plant::{JointCommand, Plant};
 use fss_records::log::{Log, Samples};

@@ -4,7 +4,7 @@ use super::summary;
 use crate::drawing::page::{self, escape};
 use crate::drawing::strips::{Line, Strips};
 use fss_diagnosis::diagnosis::{ChannelMisfit, Diagnosis};
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use std::fmt::Write;
 
 const WIDTH: f64 = 860.0;

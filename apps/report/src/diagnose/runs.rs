@@ -1,7 +1,7 @@
 //! From files to the series that the identification works on.
 
 use super::log;
-use fss_identify::measured::{Drive, Joints, Many, Poses, Run, Series};
+use fss_experiments::measured::{Drive, Joints, Many, Poses, Run, Series};
 use fss_plant::Plant;
 use fss_records::experiment::{Experiment, JointMode, Table};
 use miette::{IntoDiagnostic, Result, miette};

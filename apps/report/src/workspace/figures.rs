@@ -3,9 +3,9 @@
 use super::Look;
 use super::contours::{COLOURS, Field};
 use crate::drawing::plane::{Plot, arc, picture};
-use fss_identify::workspace::{Ring, best_manipulability_by_place, reachable_rings};
 use fss_multibody::{Coordinates, Manipulability, Model};
 use fss_plant::Plant;
+use fss_workspace::reach::{Ring, best_manipulability_by_place, reachable_rings};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 

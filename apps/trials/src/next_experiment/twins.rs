@@ -7,7 +7,7 @@
 //! divided by the sensors' noise; a window's initial state takes off what it can. What remains, as RMS over all runs of the
 //! channel that shows most of it, is the *dose*, over the RMS of noise and of what the room's air does to the same channel.
 
-use fss_identify::commands::Commands;
+use fss_experiments::commands::Commands;
 use fss_multibody::{Coordinates, JointVector, Model};
 use fss_plant::{Instruments, LinkSample, Plant, Simulation};
 use miette::{IntoDiagnostic, Result};

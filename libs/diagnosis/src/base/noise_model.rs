@@ -5,7 +5,7 @@ use super::samples::Samples;
 use crate::block::{HyperParameter, Strength};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Columns, Step, Whitener};
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
 use fss_plant::{Physics, Plant};
 

@@ -1,7 +1,7 @@
 //! What motion capture and gyro measured: blocks of samples, averaged, so that white noise stays white and the filter short.
 
 use super::prediction::Motion;
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_plant::{Plant, Stream};
 use std::ops::Range;
 

@@ -5,7 +5,7 @@
 
 use super::path::MeasuredPath;
 use super::track::Track;
-use fss_identify::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, Model, ModelError, State};
 use fss_plant::{
     BaseMotion, Effect, Grid, JointPhysics, JointSample, Physics, Plant, Rollout, Sensors, Stream, ValveHistory,

@@ -4,7 +4,7 @@ use super::response::{self, Nodes, Response};
 use super::smoother::{Reading, smooth};
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
-use fss_identify::measured::{Joints, Many, Run};
+use fss_experiments::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
 
 /// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.

@@ -2,7 +2,7 @@
 
 use super::path::MeasuredPath;
 use super::telemetry::{groups, interval_s, is_driven, mean, unwrapped};
-use fss_identify::measured::{Drive, Poses, Run};
+use fss_experiments::measured::{Drive, Poses, Run};
 use fss_plant::Plant;
 use std::ops::Range;
 

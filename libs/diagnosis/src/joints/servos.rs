@@ -7,8 +7,8 @@ use super::response::{self, GAINS};
 use super::rows::Row;
 use super::telemetry::median_interval;
 use super::track::Track;
-use fss_identify::commands::Commands;
-use fss_identify::measured::Run;
+use fss_experiments::commands::Commands;
+use fss_experiments::measured::Run;
 use fss_plant::{Effect, Place, Plant, Servo};
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.

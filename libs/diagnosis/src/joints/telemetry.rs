@@ -1,6 +1,6 @@
 //! Rows of telemetry: how fast they come, in which groups they are averaged, angles without jumps.
 
-use fss_identify::measured::{Drive, Run};
+use fss_experiments::measured::{Drive, Run};
 use std::f64::consts::{PI, TAU};
 
 /// Telemetry at least this fast tells how the known torques move the arm, Hz.

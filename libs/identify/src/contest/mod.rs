@@ -22,13 +22,13 @@ pub(crate) use select::{MOST_CAUSES, Selection};
 
 use crate::evidence::Evidence;
 use crate::hypothesis::{Hypothesis, hypotheses};
-use crate::measured::Run;
 use crate::misfit::Windows;
 use crate::normal::Normal;
 use crate::sensitivity::{Column, normals};
 use crate::tolerance::tolerance;
 use crate::trial::Trial;
 use crate::uncertain::{Uncertain, uncertain};
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};

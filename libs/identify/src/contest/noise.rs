@@ -1,9 +1,9 @@
 //! What no cause explains: how far each sensor, and the room's air, are beyond what they should be.
 
 use super::{Contest, Refined};
-use crate::measured::Run;
 use crate::normal::Normal;
 use crate::trial::Whitened;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use nalgebra::DVector;
 use std::collections::BTreeMap;

@@ -8,7 +8,7 @@ use super::refine::Point;
 use crate::evidence::Cell;
 use crate::floating::swing::{STIFF_N_M_RAD, around, at_place};
 use crate::hypothesis::{Hypothesis, swinging};
-use crate::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
 use nalgebra::DVector;

@@ -7,8 +7,8 @@
 use super::swing::Swings;
 use super::telemetry::{Reading, readings};
 use super::torque::free_inertia;
-use crate::measured::Run;
 use crate::trial::Trial;
+use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, Model, State};
 use fss_plant::{Grid, JointPhysics, JointSample, Rollout, Servo, ValveHistory};
 use nalgebra::Vector3;

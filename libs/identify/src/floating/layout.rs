@@ -7,8 +7,8 @@
 use super::arm::ArmMotion;
 use super::torque::{direction, free_inertia, measured, placed};
 use super::{MARGIN_S, STEP_S};
-use crate::measured::{Poses, Run};
 use crate::trial::{RowInfo, Span, Whitened};
+use fss_experiments::measured::{Poses, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
 use fss_plant::{Grid, Plant, Rollout};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3};

@@ -6,9 +6,9 @@ pub(crate) mod swing;
 mod telemetry;
 mod torque;
 
-use crate::measured::Run;
 use crate::trial::{Flight, Record, Span, Trial};
 use arm::{Arm, ArmMotion};
+use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{BaseSample, Effect, Place, Plant, Rollout, Stream, ValveHistory};
 use layout::Window;

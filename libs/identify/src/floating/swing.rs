@@ -5,9 +5,9 @@
 //! the plant file. So the arm is simulated as the vehicle's drivers would move it, and telemetry corrects where motors are.
 
 use super::telemetry::{Reading, readings};
-use crate::commands::{CarriedOut, Commands};
-use crate::measured::Run;
 use crate::trial::Trial;
+use fss_experiments::commands::{CarriedOut, Commands};
+use fss_experiments::measured::Run;
 use fss_plant::{Effect, JointPhysics, Plant};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -199,7 +199,7 @@ fn is_elastic(effect: &Effect) -> bool {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::measured::Many;
+    use fss_experiments::measured::Many;
 
     /// Of what a joint 2 does; the others rest.
     fn joint_2(t_s: &[f64], value: impl Fn(f64) -> f64) -> Many {

@@ -1,7 +1,7 @@
 //! The joints of a run as telemetry shows them: smoothed readings on a grid.
 
-use crate::measured::Run;
 use crate::smoother::{Measurement, Noise, Smoothed, smooth};
+use fss_experiments::measured::Run;
 use fss_plant::Sensors;
 
 /// Reading of one encoder on a grid, with its first two derivatives and what is not known of them.

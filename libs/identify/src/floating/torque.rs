@@ -5,7 +5,7 @@
 
 use super::{FloatingFlight, STEP_S, Simulated};
 use crate::floating::layout::Window;
-use crate::measured::Joints;
+use fss_experiments::measured::Joints;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, State};
 use fss_plant::{BaseMotion, JointPhysics};
 use nalgebra::Vector3;

@@ -6,7 +6,7 @@
 
 use super::{ChannelMisfit, Gathered};
 use crate::clamped::{drive, wander};
-use crate::measured::{Joints, Run};
+use fss_experiments::measured::{Joints, Run};
 use fss_multibody::ModelError;
 use fss_plant::{Plant, Simulation};
 use std::ops::Range;

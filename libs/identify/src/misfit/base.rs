@@ -2,8 +2,8 @@
 
 use super::{ChannelMisfit, Gathered, Windows};
 use crate::evidence::Evidence;
-use crate::measured::Run;
 use crate::trial::Trial;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 

@@ -1,6 +1,6 @@
 //! Measured motion at common times: joints between slow telemetry, poses from fast motion capture.
 
-use crate::measured::{Joints, Many, Poses, Run};
+use fss_experiments::measured::{Joints, Many, Poses, Run};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
 

@@ -2,9 +2,9 @@
 //! follows one posture by a pseudoinverse away from the joint limits, in 36 directions.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_identify::straight_path::{straight_path, straight_path_area_m2};
 use fss_multibody::{Base, Coordinates, Model};
 use fss_plant::Plant;
+use fss_workspace::straight_path::{straight_path, straight_path_area_m2};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 

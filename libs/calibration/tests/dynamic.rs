@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Lab, Noise};
-use fss_identify::calibrate::dynamic::{Choice, calibrate};
+use fss_calibrate::dynamic::{Choice, calibrate};
 use fss_multibody::{Model, Parameter};
 use fss_plant::Plant;
 
@@ -158,7 +158,7 @@ fn an_arm_that_rests_is_refused_in_words() {
     let run = lab.run(&[0.2, -0.3, 0.4, 0.1], &vec![Vec::new(); 4], 20.0, [0.1, 0.0, 0.01]);
     let error = calibrate(&lab.model, std::slice::from_ref(&run), [1e-3, 2e-3, 2e-4], Choice::default()).unwrap_err();
     assert!(error.to_string().contains("no joint moves"), "{error}");
-    let blind = fss_identify::measured::Run { base_pose: None, ..run };
+    let blind = fss_experiments::measured::Run { base_pose: None, ..run };
     let error = calibrate(&lab.model, &[blind], [1e-3, 2e-3, 2e-4], Choice::default()).unwrap_err();
     assert!(error.to_string().contains("no run has poses of the base"), "{error}");
 }
@@ -170,7 +170,7 @@ fn unweighed_masses_are_seen_as_ratios_until_torque_is_measured() {
     let mut runs = lab.six_runs();
     runs.truncate(2);
     let choice = Choice { masses: true, torque: true, ..Choice::default() };
-    let names = |e: &fss_identify::calibrate::Estimate| -> usize { e.unknowns - e.rank };
+    let names = |e: &fss_calibrate::Estimate| -> usize { e.unknowns - e.rank };
     let with = calibrate(&lab.model, &runs, [1e-3, 2e-3, 2e-4], choice).unwrap();
     // A sensor of one joint that shows twice what moves it would double the masses beyond it.
     let mut doubled = runs.clone();

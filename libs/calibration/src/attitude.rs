@@ -6,7 +6,7 @@
 
 use super::motion::{Tracks, pose_at};
 use super::{CalibrationError, Estimate, Row, Unknown, first_guess, solve};
-use crate::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, Model, Parameter};
 
 /// One joint from rest to rest.

@@ -5,7 +5,7 @@
 //! integrated by parts, none is needed: `int phi tau dt = -int phi' p_i dt - int phi dT/dq_i dt` (modulating functions,
 //! Shinbrot, Trans. ASME 79, 1957).
 
-use crate::measured::Joints;
+use fss_experiments::measured::Joints;
 use std::iter::Sum;
 use std::ops::Mul;
 

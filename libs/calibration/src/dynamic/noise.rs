@@ -5,7 +5,7 @@
 //! for less than their number. Those of the end-effector, which nothing but noise disturbs, are made independent by the
 //! Cholesky factor of their covariance; from the others, which drift, what they say of the noise is taken off.
 
-use crate::measured::{Poses, Run};
+use fss_experiments::measured::{Poses, Run};
 use fss_multibody::{Coordinates, Model};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

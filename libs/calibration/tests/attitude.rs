@@ -3,7 +3,7 @@
 
 mod common;
 
-use fss_identify::calibrate::attitude::{Choice, Maneuver, calibrate, maneuvers, turn};
+use fss_calibrate::attitude::{Choice, Maneuver, calibrate, maneuvers, turn};
 use fss_multibody::Model;
 use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Lab, Noise};
-use fss_identify::calibrate::kinematic::{Choice, Observation, calibrate, observations, standing};
+use fss_calibrate::kinematic::{Choice, Observation, calibrate, observations, standing};
 use fss_multibody::{Coordinates, Model};
 use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};

@@ -2,9 +2,9 @@
 
 use super::noise::{Mixing, Noise};
 use super::torque::{Window, windows};
-use crate::calibrate::drift::{Interval, Whitener};
-use crate::calibrate::motion::{Tracks, pose_at, seen_from, wrapped};
-use crate::measured::{Poses, Run, pushes};
+use crate::drift::{Interval, Whitener};
+use crate::motion::{Tracks, pose_at, seen_from, wrapped};
+use fss_experiments::measured::{Poses, Run, pushes};
 use fss_multibody::{Coordinates, JointVector, Model, State};
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,7 +1,7 @@
 //! A laboratory in a few lines: an arm that follows sines on a base that floats, exactly, and sensors with white noise.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::large_types_passed_by_value)]
 
-use fss_identify::measured::{Drive, Joints, Many, Poses, Run};
+use fss_experiments::measured::{Drive, Joints, Many, Poses, Run};
 use fss_multibody::{Coordinates, JointVector, Model, State};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};

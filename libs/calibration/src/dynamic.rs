@@ -17,7 +17,7 @@ mod torque;
 use super::drift::{Drifting, Interval, START, Whitener, likeliest_walks};
 use super::kinematic::{self, PLAUSIBLE_DELAY_S};
 use super::{CalibrationError, Estimate, Estimated, Row, Unknown, first_guess, solve};
-use crate::measured::Run;
+use fss_experiments::measured::Run;
 use fss_multibody::{Model, Parameter};
 use nalgebra::Matrix3;
 use noise::Noise;

@@ -1,8 +1,8 @@
 //! Planned postures are worth more than those at hand.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_identify::calibrate::kinematic::{Choice, Observation, calibrate};
-use fss_identify::calibrate::plan::{Criterion, Limits, Plan, expected, plan};
+use fss_calibrate::kinematic::{Choice, Observation, calibrate};
+use fss_calibrate::plan::{Criterion, Limits, Plan, expected, plan};
 use fss_multibody::{Coordinates, Model};
 use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};

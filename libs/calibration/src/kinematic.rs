@@ -2,7 +2,7 @@
 
 use super::motion::{Tracks, pose_at, seen_from, wrapped};
 use super::{CalibrationError, Estimate, Row, Unknown, first_guess, solve};
-use crate::measured::{Posture, Run};
+use fss_experiments::measured::{Posture, Run};
 use fss_multibody::{Coordinates, Model, Parameter};
 
 /// The end-effector seen from the base, and the joint angles at that time.

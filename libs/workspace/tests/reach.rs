@@ -1,9 +1,9 @@
 //! The paper's section 5 on the default plant. Reference values come from independent numpy scripts.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_identify::workspace::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};
 use fss_multibody::Model;
 use fss_plant::Plant;
+use fss_workspace::reach::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};
 use std::f64::consts::FRAC_PI_2;
 
 const LIMITS_RAD: [f64; 4] = [FRAC_PI_2; 4];

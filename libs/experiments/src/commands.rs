@@ -29,7 +29,7 @@ pub struct CarriedOut {
 
 impl CarriedOut {
     /// The sum of several, each times its weight, at the times of the first.
-    pub(crate) fn mixed(parts: &[(f64, &Self)]) -> Self {
+    pub fn mixed(parts: &[(f64, &Self)]) -> Self {
         let mix = |series: fn(&Self) -> &Many| {
             let t_s = parts.first().map_or_else(Vec::new, |(_, part)| series(part).t_s.clone());
             let joints = parts.first().map_or(0, |(_, part)| series(part).values.len());
