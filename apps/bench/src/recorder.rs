@@ -1,6 +1,7 @@
 //! What the recorder costs a byte, against the bare MCAP writer with the same samples and the same compression.
 
 use fss_bus::{Bus, Output, OutputPort, Runner, Time};
+use fss_estimation::statistics::median;
 use fss_messages::{CDR_HEADER, Header, NavState, Sample, topic};
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
@@ -53,7 +54,7 @@ fn in_turns(folder: &Path) -> Result<RecorderTimes> {
         ours.push(run_recorder(&folder.join("ours.mcap"))? / bytes as f64);
         bare.push(run_bare(&folder.join("bare.mcap"))? / bytes as f64);
     }
-    let (ours, bare) = (median(&mut ours), median(&mut bare));
+    let (ours, bare) = (median(&mut ours).unwrap_or(f64::NAN), median(&mut bare).unwrap_or(f64::NAN));
     Ok(RecorderTimes {
         format: "fss-bench-recorder/1",
         bytes,
@@ -64,11 +65,6 @@ fn in_turns(folder: &Path) -> Result<RecorderTimes> {
         bare_mb_per_s: 1e3 / bare,
         ratio: ours / bare,
     })
-}
-
-fn median(times: &mut [f64]) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
 }
 
 /// A state of a base that drifts and trembles, so that compression has real work.

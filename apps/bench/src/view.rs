@@ -3,6 +3,7 @@
 use super::browser::{self, Browser};
 use super::distribution::Distribution;
 use fss_bus::{Bus, remove_dead_nodes};
+use fss_estimation::statistics::median;
 use fss_launcher::measured::{Measured, measured_flight};
 use fss_messages::{Health, text_of, topic};
 use fss_records::log::Log;
@@ -77,8 +78,8 @@ pub(crate) fn measure(launch: Option<&Path>, seconds: f64, browser: Option<&Path
         format: "fss-bench-view/1",
         seconds_each: seconds,
         turns: TURNS,
-        pictures_a_second: browser.is_none().then(|| median(seen.clone())),
-        browser_core_percent: browser.map(|_| median(seen)),
+        pictures_a_second: browser.is_none().then(|| median_or_nan(seen.clone())),
+        browser_core_percent: browser.map(|_| median_or_nan(seen)),
         alone,
         watched,
         ratio: Ratios {
@@ -184,13 +185,12 @@ impl Turns {
     fn cost(self) -> Cost {
         let half_of = |times: &Distribution| times.percentiles(1e-3).p50;
         let (wake_p50_us, wake_p99_us) = (half_of(&self.wake_p50), half_of(&self.wake_p99));
-        Cost { core_percent: median(self.core_percent), wake_p50_us, wake_p99_us }
+        Cost { core_percent: median_or_nan(self.core_percent), wake_p50_us, wake_p99_us }
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+fn median_or_nan(mut values: Vec<f64>) -> f64 {
+    median(&mut values).unwrap_or(f64::NAN)
 }
 
 impl ViewTimes {

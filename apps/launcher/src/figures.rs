@@ -3,10 +3,10 @@
 use crate::stack::Stack;
 use fss_base::stop::{Body, least_impulse};
 use fss_messages::{MissionState, TruthState};
+use fss_multibody::wrapped;
 use fss_multibody::{Model, State};
 use fss_plant::{Grasped, Physics, Plant};
 use serde::Serialize;
-use std::f64::consts::TAU;
 
 /// Standard gravity, which makes a specific impulse a speed, m/s2.
 const G0_M_S2: f64 = 9.806_65;
@@ -196,7 +196,7 @@ pub fn carry(truth: &[TruthState], states: &[MissionState]) -> Option<CarryFigur
     let placed_error_m = let_go.map(|t| (t.target[0] - goal[0]).hypot(t.target[1] - goal[1]));
     let placed_error_deg = let_go.map(|t| {
         let apart = t.target[2] - goal[2];
-        (apart - TAU * (apart / TAU).round()).to_degrees().abs()
+        wrapped(apart).to_degrees().abs()
     });
     let left_speed_m_s = let_go.map(|_| left.target_rate[0].hypot(left.target_rate[1]));
     let within = |value: Option<f64>, most: f64| value.is_some_and(|value| value <= most);

@@ -1,8 +1,9 @@
 //! Kinematic calibration: link lengths, joint offsets and the first joint's pose (the paper's equations 1 to 5).
 
-use super::motion::{Tracks, pose_at, seen_from, wrapped};
+use super::motion::{Tracks, pose_at, seen_from};
 use super::{CalibrationError, Estimate, Row, Unknown, first_guess, solve};
 use fss_experiments::measured::{Posture, Run};
+use fss_multibody::wrapped;
 use fss_multibody::{Coordinates, Model, Parameter};
 
 /// The end-effector seen from the base, and the joint angles at that time.

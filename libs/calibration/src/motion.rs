@@ -1,8 +1,8 @@
 //! Measured motion at common times: joints between slow telemetry, poses from fast motion capture.
 
 use fss_experiments::measured::{Joints, Many, Poses, Run};
+use fss_multibody::wrapped;
 use nalgebra::{Matrix3, Vector3};
-use std::f64::consts::{PI, TAU};
 
 /// The longest gap of a joint's telemetry that is bridged, s.
 const TELEMETRY_GAP_S: f64 = 0.5;
@@ -154,9 +154,4 @@ pub(super) fn seen_from(base: [f64; 3], pose: [f64; 3]) -> [f64; 3] {
     let (sin, cos) = base[2].sin_cos();
     let (dx, dy) = (pose[0] - base[0], pose[1] - base[1]);
     [cos * dx + sin * dy, cos * dy - sin * dx, wrapped(pose[2] - base[2])]
-}
-
-/// An angle between -pi and pi.
-pub(super) fn wrapped(angle: f64) -> f64 {
-    (angle + PI).rem_euclid(TAU) - PI
 }

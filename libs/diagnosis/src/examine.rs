@@ -4,6 +4,7 @@
 //! is told.
 
 use crate::startup_transient::startup_transient_end_s;
+use fss_estimation::statistics::median;
 use fss_experiments::measured::{Poses, Run};
 use fss_plant::Plant;
 use std::f64::consts::TAU;
@@ -168,15 +169,6 @@ fn noise_of(values: &[f64]) -> Option<f64> {
 /// The run in which the vehicle was calmest says what the sensor does.
 fn quietest(noise: impl Iterator<Item = f64>) -> Option<f64> {
     noise.reduce(f64::min)
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(*median)
 }
 
 #[cfg(test)]

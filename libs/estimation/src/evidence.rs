@@ -15,6 +15,7 @@
 //! (MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, chapter 28: Occam's factor is the last
 //! determinant.) A set costs the cube of its size, whatever the number of all parameters.
 
+use crate::statistics::normal_cdf;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Sums of products of whitened columns, the first of which holds the data.
@@ -150,18 +151,17 @@ fn log_mass(mean: f64, sd: f64, [lower, upper]: [f64; 2]) -> f64 {
     } else if b < 0.0 {
         log_upper_tail(-b)
     } else {
-        (tail(-b) - tail(-a)).abs().max(0.0).max(f64::MIN_POSITIVE).ln()
+        (normal_cdf(b) - normal_cdf(a)).abs().max(0.0).max(f64::MIN_POSITIVE).ln()
     }
-}
-
-/// Mass of the standard normal distribution above x.
-fn tail(x: f64) -> f64 {
-    0.5 * libm::erfc(x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 fn log_upper_tail(x: f64) -> f64 {
     // Beyond this, erfc underflows before its logarithm matters: the first terms of the asymptotic series.
-    if x < 30.0 { tail(x).ln() } else { -0.5 * x * x - (x * (std::f64::consts::TAU).sqrt()).ln() - 1.0 / (x * x) }
+    if x < 30.0 {
+        normal_cdf(-x).ln()
+    } else {
+        -0.5 * x * x - (x * (std::f64::consts::TAU).sqrt()).ln() - 1.0 / (x * x)
+    }
 }
 
 #[cfg(test)]

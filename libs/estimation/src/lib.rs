@@ -3,12 +3,14 @@
 //! - [`Columns`]: time series side by side.
 //! - [`smoothing`]: a motion between sparse measurements.
 //! - [`Whitener`]: a Kalman filter that whitens them.
+//! - [`statistics`]: median, normal distribution.
 
 mod columns;
 pub mod evidence;
 pub mod pattern_search;
 pub mod processes;
 pub mod smoothing;
+pub mod statistics;
 mod whitening;
 
 pub use columns::Columns;

@@ -101,7 +101,7 @@ pub use parameters::Parameter;
 pub use regressor::{Inertial, InertialVector, MomentumRegressor, Regressor};
 pub use resolve::{Manipulability, damped_pseudoinverse, damping_near_singularity, singular_values};
 pub use sensitivity::{Cause, ForceGradient, ForceLaw, Sensitivity, step_with_derivatives};
-pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State};
+pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State, wrapped};
 
 /// Most links that a [`Model`] can have.
 pub const MAX_LINKS: usize = 8;

@@ -1,6 +1,7 @@
 //! Vectors and matrices of fixed capacity.
 
 use nalgebra::{SMatrix, SVector};
+use std::f64::consts::TAU;
 
 use crate::{MAX_DOF, MAX_LINKS};
 
@@ -53,4 +54,9 @@ impl Default for State {
     fn default() -> Self {
         Self::zero()
     }
+}
+
+/// An angle less its whole turns, between -pi and pi (rad).
+pub fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad - TAU * (angle_rad / TAU).round()
 }

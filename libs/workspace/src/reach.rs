@@ -1,5 +1,6 @@
 //! Where the end-effector can be, and how well the arm moves it there (the paper's section 5).
 
+use fss_multibody::wrapped;
 use fss_multibody::{Coordinates, Manipulability, Model};
 use std::f64::consts::{PI, TAU};
 
@@ -203,8 +204,4 @@ fn halton(mut index: usize, dimension: usize) -> f64 {
         index /= prime;
     }
     value
-}
-
-fn wrapped(angle: f64) -> f64 {
-    (angle + PI).rem_euclid(TAU) - PI
 }

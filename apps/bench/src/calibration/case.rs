@@ -2,6 +2,7 @@
 
 use fss_diagnosis::diagnosis::{Cause, Diagnosis};
 use fss_diagnosis::drawn_causes;
+use fss_estimation::statistics::normal_cdf;
 use fss_experiments::measured::{Poses, Run, Series};
 use fss_multibody::ModelError;
 use fss_plant::effects::UNMODELLED;
@@ -10,7 +11,7 @@ use miette::{IntoDiagnostic, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::PI;
 
 /// Runs of a case.
 pub(super) const RUNS: u64 = 2;
@@ -172,10 +173,6 @@ fn is_same(a: &Effect, b: &Effect) -> bool {
         "valve_swap" => same && apart("other_index") < 0.5,
         _ => same,
     }
-}
-
-fn normal_cdf(z: f64) -> f64 {
-    0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
 fn normal(random: &mut ChaCha8Rng) -> f64 {

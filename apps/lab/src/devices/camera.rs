@@ -1,9 +1,9 @@
 //! Overhead motion capture: poses of base, end-effector and target, as Tracker sends them.
 
 use crate::config::{ActiveFaults, FaultKind, OBJECTS};
+use fss_multibody::wrapped;
 use fss_plant::{Instruments, Simulation};
 use fss_wire::vicon::{self, MAX_DATAGRAM_LEN, Object, ViconError};
-use std::f64::consts::PI;
 
 /// Heights of the markers above the granite (m): base, end-effector, target. No part of the planar motion.
 const HEIGHTS_M: [f64; 3] = [0.25, 0.15, 0.25];
@@ -84,9 +84,4 @@ fn spoil(object: &mut Object<'_>, faults: ActiveFaults<'_>) {
             _ => {}
         }
     }
-}
-
-/// Between -pi and pi, as a tracker gives angles.
-fn wrapped(angle_rad: f64) -> f64 {
-    angle_rad - 2.0 * PI * (angle_rad / (2.0 * PI)).round()
 }

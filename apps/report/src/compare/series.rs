@@ -2,8 +2,8 @@
 
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{Field, MissionState, Sample, Scalar};
+use fss_multibody::wrapped;
 use fss_records::log::{Collect, Log, LogError, Samples};
-use std::f64::consts::{PI, TAU};
 
 /// Topics that tell of processes and packets, not of the flight, or on which several speak at the same time.
 const LEFT_OUT: &[&str] = &["/health", "/steps", "/events", "/links/telemetry", "/parameters/state"];
@@ -135,7 +135,7 @@ impl Series {
     /// How much one value is more than another; of angles the shorter way around.
     pub(super) fn apart(&self, value: f64, other: f64) -> f64 {
         let apart = other - value;
-        if self.is_angle && apart.abs() > PI { apart - TAU * (apart / TAU).round() } else { apart }
+        if self.is_angle { wrapped(apart) } else { apart }
     }
 }
 

@@ -10,10 +10,10 @@
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::{self, Drive, Joints, Poses, Run, Series};
 use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Posture, Sample, ThrustersState, topic};
+use fss_multibody::wrapped;
 use fss_plant::{JointCommand, Plant};
 use fss_records::log::{Log, Samples};
 use miette::{IntoDiagnostic, Result, miette};
-use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
 /// The log in a run's folder.
@@ -167,7 +167,7 @@ impl Record {
             let t_s = self.seconds(pose.stamp_ns);
             if t_s > last {
                 let before = poses.values.last().map_or(pose.theta_rad, |before: &[f64; 3]| before[2]);
-                let turn = (pose.theta_rad - before + PI).rem_euclid(TAU) - PI;
+                let turn = wrapped(pose.theta_rad - before);
                 poses.t_s.push(t_s);
                 poses.values.push([pose.x_m, pose.y_m, before + turn]);
                 last = t_s;

@@ -2,6 +2,7 @@
 
 use super::play::Played;
 use super::record::{CLEAR_DOSE, Kind};
+use fss_estimation::statistics::median;
 use serde::Serialize;
 use std::ops::RangeInclusive;
 
@@ -74,7 +75,7 @@ impl Gate {
 
     /// The median of values, which must not be larger than `most`.
     fn median(name: &'static str, values: &[f64], most: f64) -> Self {
-        Self::new(name, median(values), values.len(), 0.0..=most, ENOUGH)
+        Self::new(name, median(&mut values.to_vec()), values.len(), 0.0..=most, ENOUGH)
     }
 
     fn in_percent(mut self) -> Self {
@@ -143,12 +144,6 @@ pub(super) fn table(played: &[&Played]) -> Vec<Gate> {
         Gate::median("median RMS over noise floor after extending", &ratios, 1.1),
         Gate::new("calibration error of the probabilities", calibration(&claims), claims.len(), 0.0..=0.03, ENOUGH),
     ]
-}
-
-fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied()
 }
 
 /// Expected calibration error: how far the share of right claims is from what was claimed, weighted by how often.

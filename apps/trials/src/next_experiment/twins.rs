@@ -8,12 +8,12 @@
 //! channel that shows most of it, is the *dose*, over the RMS of noise and of what the room's air does to the same channel.
 
 use fss_experiments::commands::Commands;
+use fss_multibody::wrapped;
 use fss_multibody::{Coordinates, JointVector, Model};
 use fss_plant::{Instruments, LinkSample, Plant, Simulation};
 use miette::{IntoDiagnostic, Result};
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
 
 /// Length of a window, s.
 const WINDOW_S: f64 = 5.0;
@@ -225,11 +225,6 @@ fn placed(base: [f64; 3], q_rad: &JointVector) -> Coordinates {
     q.as_mut_slice()[..3].copy_from_slice(&base);
     q.as_mut_slice()[3..].copy_from_slice(q_rad.as_slice());
     q
-}
-
-/// An angle between -pi and pi.
-fn wrapped(angle: f64) -> f64 {
-    (angle + PI).rem_euclid(TAU) - PI
 }
 
 /// The plant with perfect sensors, its air at rest unless asked for.

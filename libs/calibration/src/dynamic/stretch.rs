@@ -3,8 +3,9 @@
 use super::noise::{Mixing, Noise};
 use super::torque::{Window, windows};
 use crate::drift::{Interval, Whitener};
-use crate::motion::{Tracks, pose_at, seen_from, wrapped};
+use crate::motion::{Tracks, pose_at, seen_from};
 use fss_experiments::measured::{Poses, Run, pushes};
+use fss_multibody::wrapped;
 use fss_multibody::{Coordinates, JointVector, Model, State};
 use nalgebra::{Matrix3, Vector3};
 
