@@ -142,6 +142,18 @@ impl Witness {
                 self.seen.open_while_running_ns = self.seen.open_while_running_ns.max(running_ns);
             }
         }
+        self.look_at_health(until_ns);
+        for (service, alive_ns) in &self.alive_ns {
+            let since = self.struck_ns.get(service).copied().unwrap_or(0).max(*alive_ns);
+            if let Some(longest) = self.seen.silent_ns.get_mut(service) {
+                *longest = now.ns().min(until_ns).saturating_sub(since).max(*longest);
+            }
+        }
+        Ok(())
+    }
+
+    /// What services report of themselves: silences and overruns.
+    fn look_at_health(&mut self, until_ns: u64) {
         for health in self.health.samples() {
             let service = text_of(&health.service).to_owned();
             let before = self.alive_ns.insert(service.clone(), health.stamp_ns).unwrap_or(health.stamp_ns);
@@ -163,13 +175,6 @@ impl Witness {
                 });
             }
         }
-        for (service, alive_ns) in &self.alive_ns {
-            let since = self.struck_ns.get(service).copied().unwrap_or(0).max(*alive_ns);
-            if let Some(longest) = self.seen.silent_ns.get_mut(service) {
-                *longest = now.ns().min(until_ns).saturating_sub(since).max(*longest);
-            }
-        }
-        Ok(())
     }
 
     /// The service was killed or frozen now, perhaps while it was coming back from the blow before.

@@ -131,25 +131,7 @@ impl Strips {
                 y(-band) - y(band)
             );
         }
-        let mut numbers = String::new();
-        let marks = ticks([low, high], 4);
-        for (value, label) in if marks.len() < 2 { ticks([low, high], 8) } else { marks } {
-            let stroke = if value == 0.0 { "#aaa" } else { "#ebebe8" };
-            let _ = write!(
-                self.svg,
-                "<path d=\"M{:.1} {:.1}h{:.1}\" stroke=\"{stroke}\"/>",
-                self.corner[0] + LEFT,
-                y(value),
-                self.plot_width()
-            );
-            let _ = write!(
-                numbers,
-                "<text x=\"{:.1}\" y=\"{:.1}\">{label}</text>",
-                self.corner[0] + LEFT - 5.0,
-                y(value) + 3.5
-            );
-        }
-        let _ = write!(self.svg, "<g font-size=\"10\" fill=\"#555\" text-anchor=\"end\">{numbers}</g>");
+        self.value_axis([low, high], &y);
         for line in lines {
             let points: Vec<_> = line.points.iter().filter(|p| p.0 >= from && p.0 <= to).copied().collect();
             let mut d = String::new();
@@ -169,6 +151,29 @@ impl Strips {
             );
         }
         self.legend(top, lines.iter().map(|line| (line.name, line.colour)));
+    }
+
+    /// Grid lines at round values and their numbers; `y` is where a value lies.
+    fn value_axis(&mut self, [low, high]: [f64; 2], y: &impl Fn(f64) -> f64) {
+        let mut numbers = String::new();
+        let marks = ticks([low, high], 4);
+        for (value, label) in if marks.len() < 2 { ticks([low, high], 8) } else { marks } {
+            let stroke = if value == 0.0 { "#aaa" } else { "#ebebe8" };
+            let _ = write!(
+                self.svg,
+                "<path d=\"M{:.1} {:.1}h{:.1}\" stroke=\"{stroke}\"/>",
+                self.corner[0] + LEFT,
+                y(value),
+                self.plot_width()
+            );
+            let _ = write!(
+                numbers,
+                "<text x=\"{:.1}\" y=\"{:.1}\">{label}</text>",
+                self.corner[0] + LEFT - 5.0,
+                y(value) + 3.5
+            );
+        }
+        let _ = write!(self.svg, "<g font-size=\"10\" fill=\"#555\" text-anchor=\"end\">{numbers}</g>");
     }
 
     /// Names in their colours, right-aligned above a strip.

@@ -204,6 +204,11 @@ pub(super) fn health(html: &mut String, flight: &Flight, summary: &Summary) {
              largest of all.</p>",
         );
     }
+    recorded(html, flight, summary);
+}
+
+/// What the recorder lost, and the topics of the log.
+fn recorded(html: &mut String, flight: &Flight, summary: &Summary) {
     if flight.lost.is_empty() {
         html.push_str("<p>The recorder lost nothing.</p>");
     } else {
