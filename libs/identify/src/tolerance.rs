@@ -43,8 +43,8 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
     // Accelerations that a levelled table and a calm room leave.
     let (shift, turn) = (1e-5, 1e-5);
     let sd = match effect.id() {
-        // A link takes up a command when its datagram comes, which varies by a millisecond, and moves as it likes between two
-        // reports: latencies of 9 to 15 ms came out a millisecond off in blind games.
+        // Datagrams are taken to arrive after a constant time, which is false: it varies by a millisecond or two, and motion between
+        // two reports is interpolated. A latency is known no better than that.
         "clock_offset" | "link_latency" | "thruster_delay" | "thruster_rise_time" | "gyro_scale" => vec![1e-3],
         "encoder_offset" | "encoder_scale" | "marker_yaw" => vec![2e-4],
         "gyro_bias" | "drive_kinematic_error" => vec![5e-5],

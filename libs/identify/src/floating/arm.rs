@@ -13,8 +13,8 @@ use fss_multibody::{Coordinates, JointVector, Model, State};
 use fss_plant::{Grid, JointPhysics, JointSample, Rollout, Servo, ValveHistory};
 use nalgebra::Vector3;
 
-/// Share of its speed with which a link comes back from the motor's teeth. Chosen among 0 to 0.5 as what predicted the validation
-/// runs of two blind games best (seeds 164 and 179 of `fss challenge`); single strokes there came back with 0 to 0.9.
+/// Share of its speed with which a link comes back from the motor's teeth. Teeth are taken for rigid, which is false: a drive's
+/// stiffness and damping make the share another one at each stroke, from 0 to nearly 1. A nearly plastic stroke stands for all.
 const RESTITUTION: f64 = 0.1;
 /// Each round leaves a fifth of what the one before did, where an error has 30 mrad and six periods a turn.
 const LEAD_ROUNDS: usize = 8;
