@@ -1,13 +1,13 @@
 //! `fss diagnose`: where the simulation is wrong, what causes it, and what knowing it is worth.
 
-mod answer;
+pub mod answer;
 mod engine;
 pub mod log;
 mod page;
-pub mod read;
 pub mod runs;
 mod summary;
 
+use answer::Answer;
 use clap::Args;
 use engine::{Engine, diagnose};
 use fss_experiments::measured::Run;
@@ -76,7 +76,7 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
         args.plant.display(),
         diagnosis.extended.to_toml().into_diagnostic()?
     );
-    let json = serde_json::to_string_pretty(&answer::Answer::of(&diagnosis, EXTENDED)).into_diagnostic()?;
+    let json = serde_json::to_string_pretty(&Answer::of(&diagnosis, EXTENDED)).into_diagnostic()?;
     write(&args.out.join(EXTENDED), &extended)?;
     write(&args.out.join("diagnosis.json"), &json)?;
     write(&args.out.join("diagnosis.html"), &page::render(&diagnosis, &fitted))?;

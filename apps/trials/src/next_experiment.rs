@@ -12,8 +12,8 @@ use fss_launcher::fast;
 use fss_launcher::files::{PlantAndAnswer, write, write_silently};
 use fss_launcher::stack::{MISSIONS, Stack};
 use fss_plant::{Effect, Plant};
+use fss_report::diagnose::answer::{Alternative, Answer, Cause};
 use fss_report::diagnose::log;
-use fss_report::diagnose::read::{Cause, Diagnosis, read};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -60,7 +60,7 @@ struct Candidate {
 
 /// Runs the command.
 pub fn run(args: &NextExperimentArgs) -> Result<()> {
-    let diagnosis = read(&args.diagnosis.join("diagnosis.json"))?;
+    let diagnosis = Answer::read(&args.diagnosis.join("diagnosis.json"))?;
     let (settled, rivals) = undecided(&diagnosis)?;
     if rivals.len() < 2 {
         say!("Nothing is undecided: no cause has an alternative with a probability of {STILL_POSSIBLE} or more.");
@@ -95,13 +95,14 @@ pub fn run(args: &NextExperimentArgs) -> Result<()> {
 }
 
 /// What is taken for settled, and the causes that are still possible in the place of the first undecided one.
-fn undecided(diagnosis: &Diagnosis) -> Result<(Vec<Effect>, Vec<Effect>)> {
+fn undecided(diagnosis: &Answer) -> Result<(Vec<Effect>, Vec<Effect>)> {
     let all = if diagnosis.causes.is_empty() { &diagnosis.suspects } else { &diagnosis.causes };
     let open = |said: &&Cause| said.alternatives.iter().any(|a| a.probability >= STILL_POSSIBLE);
     let Some(first) = all.iter().find(open) else { return Ok((Vec::new(), Vec::new())) };
     let settled = all.iter().filter(|said| !std::ptr::eq(*said, first)).map(Cause::effect).collect::<Result<_>>()?;
     let possible = first.alternatives.iter().filter(|a| a.probability >= STILL_POSSIBLE);
-    let rivals = std::iter::once(first).chain(possible).take(MOST_CAUSES).map(Cause::effect).collect::<Result<_>>()?;
+    let rivals = std::iter::once(first.effect()).chain(possible.map(Alternative::effect));
+    let rivals = rivals.take(MOST_CAUSES).collect::<Result<_>>()?;
     Ok((settled, rivals))
 }
 

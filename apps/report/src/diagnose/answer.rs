@@ -1,231 +1,310 @@
-//! The answer for a machine, `fss-diagnosis/1`.
+//! The answer as JSON, `fss-diagnosis/1`: written by `fss diagnose`, and read by what goes on from it.
+//!
+//! What is missing in a file has its default, but for causes, their effects and their probabilities. A number that is not
+//! finite is written as `null` and read as NaN.
 
-use super::read::ONSET;
-use fss_diagnosis::diagnosis::{Cause, Diagnosis, MissingPulse};
+mod of_diagnosis;
+
 use fss_plant::Effect;
-use serde::Serialize;
+use miette::{IntoDiagnostic, Result, WrapErr};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 
-#[derive(Serialize)]
-pub(super) struct Answer {
-    format: &'static str,
-    verdict: &'static str,
-    causes: Vec<CauseAnswer>,
-    misfit: Vec<Misfit>,
-    gain: Gain,
-    extended_model: String,
+/// Name of the parameter that says when an effect begins, s.
+pub const ONSET: &str = "onset_s";
+
+/// A diagnosis.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Answer {
+    /// `fss-diagnosis/1`.
+    #[serde(default)]
+    pub format: String,
+    /// `consistent`, `explained`, `partly_explained` or `unexplained`.
+    #[serde(default)]
+    pub verdict: String,
+    /// What is asserted, strongest first.
+    pub causes: Vec<Cause>,
+    /// Each channel of each run with the plant file.
+    #[serde(default)]
+    pub misfit: Vec<Misfit>,
+    /// What the extended model gains.
+    #[serde(default)]
+    pub gain: Gain,
+    /// File name of the extended plant, beside the answer.
+    #[serde(default)]
+    pub extended_model: String,
     /// What was left out of the records, and what is not as the plant file says of them.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    remarks: Vec<String>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// What happened once.
-    events: Vec<Event>,
+    #[serde(default)]
+    pub events: Vec<Event>,
     /// Probable causes that are not asserted.
-    suspects: Vec<CauseAnswer>,
-    posterior: Posterior,
-    /// Strengths of the structured discrepancy.
-    discrepancy: Vec<DiscrepancyAnswer>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    unexplained: Option<Unexplained>,
-    /// Laws in the extended model that are no known effect's.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    empirical: Vec<Effect>,
-}
-
-#[derive(Serialize)]
-struct Event {
-    kind: &'static str,
-    run: String,
-    /// The thruster that was commanded, from 1.
-    thruster: usize,
-    from_s: f64,
-    to_s: f64,
-    probability: f64,
-}
-
-#[derive(Serialize)]
-struct Unexplained {
-    mean_square: f64,
-    channel: Option<String>,
-    run: Option<String>,
-    depends_on: Vec<Dependence>,
-}
-
-#[derive(Serialize)]
-struct Dependence {
-    description: String,
-    share: f64,
-}
-
-#[derive(Serialize)]
-struct Posterior {
-    /// Probability that no cause acts.
-    none: f64,
-    /// Share of its typical size by which a cause varies from run to run.
-    run_to_run: f64,
+    #[serde(default)]
+    pub suspects: Vec<Cause>,
     /// Inclusion probabilities.
-    inclusion: Vec<AlternativeAnswer>,
+    #[serde(default)]
+    pub posterior: Posterior,
+    /// Strengths of the structured discrepancy.
+    #[serde(default)]
+    pub discrepancy: Vec<Discrepancy>,
+    /// What no cause explains, where there is such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unexplained: Option<Unexplained>,
+    /// Laws in the extended model that are no known effect's. Not read again: the extended model has them.
+    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
+    pub empirical: Vec<Effect>,
 }
 
-#[derive(Serialize)]
-struct DiscrepancyAnswer {
-    name: String,
-    inferred: f64,
-    expected: f64,
-}
-
-#[derive(Serialize)]
-struct CauseAnswer {
-    #[serde(flatten)]
-    named: Named,
-    /// That it, or what is equivalent to it, acts.
-    probability: f64,
-    /// That it or any of its alternatives acts.
-    class_probability: f64,
-    parameters: BTreeMap<&'static str, Parameter>,
-    alternatives: Vec<AlternativeAnswer>,
-    /// What it adds to the logarithm of the predictive density of the validation runs.
+/// Which effect, and where it acts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct EffectName {
+    /// Its id.
+    pub effect: String,
+    /// Which thruster, link or joint, from 1.
     #[serde(skip_serializing_if = "Option::is_none")]
-    validation_nats: Option<f64>,
+    pub index: Option<usize>,
+    /// Which data stream.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channel: Option<String>,
+}
+
+/// Values by name; [`ONSET`] is among them where the effect begins during a run.
+pub type Parameters = BTreeMap<String, Parameter>;
+
+/// A value and its standard deviation.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Parameter {
+    /// The value.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// Its standard deviation, where it was fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub std: Option<f64>,
+}
+
+/// A cause.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Cause {
+    /// What it is.
+    #[serde(flatten)]
+    pub name: EffectName,
+    /// Probability that it, or what is equivalent to it, acts.
+    pub probability: f64,
+    /// Probability that it or any of its alternatives acts.
+    #[serde(default, deserialize_with = "number")]
+    pub class_probability: f64,
+    /// Its values.
+    #[serde(default)]
+    pub parameters: Parameters,
+    /// What else it could be.
+    #[serde(default)]
+    pub alternatives: Vec<Alternative>,
+    /// What it adds to the logarithm of the predictive density of the validation runs, nats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validation_nats: Option<f64>,
     /// The same of each fitted run, predicted from the others.
-    left_out_nats: f64,
+    #[serde(default, deserialize_with = "number")]
+    pub left_out_nats: f64,
 }
 
-#[derive(Serialize)]
-struct Named {
-    effect: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    index: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    channel: Option<String>,
-}
-
-#[derive(Serialize)]
-struct Parameter {
-    value: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    std: Option<f64>,
-}
-
-#[derive(Serialize)]
-struct AlternativeAnswer {
+/// Another effect that could stand in a cause's place.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Alternative {
+    /// What it is.
     #[serde(flatten)]
-    named: Named,
-    probability: f64,
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    equivalent: bool,
-    parameters: BTreeMap<&'static str, Parameter>,
+    pub name: EffectName,
+    /// Its probability.
+    #[serde(deserialize_with = "number")]
+    pub probability: f64,
+    /// Whether the data cannot tell it from the cause at all.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub equivalent: bool,
+    /// Its values.
+    #[serde(default)]
+    pub parameters: Parameters,
 }
 
-#[derive(Serialize)]
-struct Misfit {
-    channel: String,
-    run: String,
-    rms: f64,
-    noise: f64,
-    ratio: f64,
+/// RMS error of a channel in one run, and what noise alone would give.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Misfit {
+    /// The channel.
+    pub channel: String,
+    /// The run.
+    pub run: String,
+    /// RMS error in the channel's unit.
+    #[serde(deserialize_with = "number")]
+    pub rms: f64,
+    /// What the stated noise alone would give.
+    #[serde(deserialize_with = "number")]
+    pub noise: f64,
+    /// One over the other.
+    #[serde(deserialize_with = "number")]
+    pub ratio: f64,
 }
 
-#[derive(Serialize)]
-struct Gain {
-    ratio_before: f64,
-    ratio_after: f64,
-    noise_floor: f64,
+/// RMS over noise on the validation runs; on the fitted ones where there are none.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Gain {
+    /// With the plant file.
+    pub ratio_before: Option<f64>,
+    /// With the extended model.
+    pub ratio_after: Option<f64>,
+    /// What noise alone would give.
+    #[serde(deserialize_with = "number")]
+    pub noise_floor: f64,
+}
+
+/// What happened once.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Event {
+    /// `pulse_not_delivered`.
+    pub kind: String,
+    /// The run.
+    pub run: String,
+    /// The thruster that was commanded, from 1.
+    pub thruster: usize,
+    /// When the command begins, s.
+    pub from_s: f64,
+    /// When it ends, s.
+    pub to_s: f64,
+    /// How sure that is.
+    #[serde(deserialize_with = "number")]
+    pub probability: f64,
+}
+
+/// Probabilities of all that was considered.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Posterior {
+    /// Probability that no cause acts.
+    #[serde(deserialize_with = "number")]
+    pub none: f64,
+    /// Share of its typical size by which a cause varies from run to run.
+    #[serde(deserialize_with = "number")]
+    pub run_to_run: f64,
+    /// Inclusion probabilities.
+    pub inclusion: Vec<Alternative>,
+}
+
+/// Strength of a structured discrepancy.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Discrepancy {
+    /// What acts, with its unit.
+    pub name: String,
+    /// As inferred with the asserted causes.
+    #[serde(deserialize_with = "number")]
+    pub inferred: f64,
+    /// As expected of a good laboratory.
+    #[serde(deserialize_with = "number")]
+    pub expected: f64,
+}
+
+/// The misfit that no cause explains.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Unexplained {
+    /// Mean square over the noise.
+    #[serde(deserialize_with = "number")]
+    pub mean_square: f64,
+    /// Channel with the largest share.
+    pub channel: Option<String>,
+    /// Its run.
+    pub run: Option<String>,
+    /// What it depends on.
+    pub depends_on: Vec<Dependence>,
+}
+
+/// A dependence of what is unexplained.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Dependence {
+    /// On what.
+    pub description: String,
+    /// The share that this would explain.
+    #[serde(deserialize_with = "number")]
+    pub share: f64,
+}
+
+/// A number; `null` is not a number.
+fn number<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(value)?.unwrap_or(f64::NAN))
 }
 
 impl Answer {
-    pub(super) fn of(diagnosis: &Diagnosis, extended: &str) -> Self {
-        let misfits = diagnosis.before.iter().chain(&diagnosis.validation_before);
-        Self {
-            format: "fss-diagnosis/1",
-            verdict: diagnosis.verdict.name(),
-            causes: diagnosis.causes.iter().map(cause).collect(),
-            misfit: misfits
-                .map(|m| Misfit {
-                    channel: m.channel.clone(),
-                    run: m.run.clone(),
-                    rms: m.rms,
-                    noise: m.noise,
-                    ratio: m.ratio(),
-                })
-                .collect(),
-            gain: Gain { ratio_before: diagnosis.gain.before, ratio_after: diagnosis.gain.after, noise_floor: 1.0 },
-            extended_model: extended.to_owned(),
-            events: diagnosis.missing_pulses.iter().map(event).collect(),
-            suspects: diagnosis.suspects.iter().map(cause).collect(),
-            remarks: diagnosis.remarks.clone(),
-            posterior: Posterior {
-                none: diagnosis.probability_of_none,
-                run_to_run: diagnosis.run_to_run,
-                inclusion: diagnosis.inclusion.iter().map(|(effect, p)| other(effect, *p, false)).collect(),
-            },
-            discrepancy: diagnosis
-                .discrepancy
-                .iter()
-                .map(|d| DiscrepancyAnswer { name: d.name.clone(), inferred: d.inferred, expected: d.expected })
-                .collect(),
-            unexplained: diagnosis.remainder.as_ref().map(|left| Unexplained {
-                mean_square: left.mean_square,
-                channel: left.worst.as_ref().map(|w| w.0.clone()),
-                run: left.worst.as_ref().map(|w| w.1.clone()),
-                depends_on: left
-                    .depends_on
-                    .iter()
-                    .map(|(description, share)| Dependence { description: description.clone(), share: *share })
-                    .collect(),
-            }),
-            empirical: diagnosis.laws.clone(),
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Names the file that is missing or no diagnosis.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot read {}: did fss diagnose write it?", path.display()))?;
+        serde_json::from_str(&text).into_diagnostic().wrap_err_with(|| format!("cannot understand {}", path.display()))
+    }
+}
+
+impl EffectName {
+    /// The effect with these values.
+    fn effect(&self, parameters: &Parameters) -> Result<Effect> {
+        let mut effect = Effect::new(&self.effect).into_diagnostic()?;
+        if let Some(index) = self.index {
+            effect = effect.at(index);
         }
+        if let Some(channel) = &self.channel {
+            effect = effect.on(channel);
+        }
+        for (name, parameter) in parameters {
+            if name == ONSET {
+                effect = effect.from_onset(parameter.value);
+            } else {
+                effect.set(name, parameter.value).into_diagnostic()?;
+            }
+        }
+        Ok(effect)
     }
 }
 
-fn event(pulse: &MissingPulse) -> Event {
-    Event {
-        kind: "pulse_not_delivered",
-        run: pulse.run.clone(),
-        thruster: pulse.thruster,
-        from_s: pulse.from_s,
-        to_s: pulse.to_s,
-        probability: pulse.probability,
+impl Cause {
+    /// The effect with its values.
+    ///
+    /// # Errors
+    /// Where the catalogue has no such effect or parameter.
+    pub fn effect(&self) -> Result<Effect> {
+        self.name.effect(&self.parameters)
     }
 }
 
-fn other(effect: &Effect, probability: f64, equivalent: bool) -> AlternativeAnswer {
-    AlternativeAnswer {
-        named: named(effect),
-        probability,
-        equivalent,
-        parameters: values(effect).map(without_std).chain(onset(effect)).collect(),
+impl Alternative {
+    /// The effect with its values.
+    ///
+    /// # Errors
+    /// Where the catalogue has no such effect or parameter.
+    pub fn effect(&self) -> Result<Effect> {
+        self.name.effect(&self.parameters)
     }
 }
 
-fn cause(cause: &Cause) -> CauseAnswer {
-    // An exchange of wires has no size, and so no deviation.
-    let std = |i: usize| Some(cause.std.get(i).copied().unwrap_or(0.0));
-    let parameter = |(i, (name, value)): (usize, (&'static str, f64))| (name, Parameter { value, std: std(i) });
-    CauseAnswer {
-        named: named(&cause.effect),
-        probability: cause.probability,
-        class_probability: cause.class_probability,
-        parameters: values(&cause.effect).enumerate().map(parameter).chain(onset(&cause.effect)).collect(),
-        alternatives: cause.alternatives.iter().map(|a| other(&a.effect, a.probability, a.is_equivalent)).collect(),
-        validation_nats: cause.validation_nats,
-        left_out_nats: cause.left_out_nats,
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_missing_in_a_file_or_null_has_its_default() {
+        let text = r#"{ "causes": [ { "effect": "thruster_gain", "index": 3, "probability": 0.9, "unknown": [],
+            "parameters": { "scale": { "value": 0.7 }, "onset_s": { "value": 4 } },
+            "alternatives": [ { "effect": "clock_offset", "channel": "mocap", "probability": 0.1, "equivalent": true } ] } ],
+            "misfit": [ { "channel": "gyro", "rms": null, "noise": 1.0, "ratio": null } ], "gain": { "ratio_before": null } }"#;
+        let answer: Answer = serde_json::from_str(text).unwrap();
+        let effect = answer.causes[0].effect().unwrap();
+        assert_eq!((effect.id(), effect.index(), effect.onset_s()), ("thruster_gain", Some(3), Some(4.0)));
+        assert!(answer.causes[0].alternatives[0].equivalent);
+        assert!(answer.misfit[0].rms.is_nan() && answer.gain.ratio_before.is_none() && answer.verdict.is_empty());
     }
-}
-
-fn named(effect: &Effect) -> Named {
-    Named { effect: effect.id(), index: effect.index(), channel: effect.channel().map(str::to_owned) }
-}
-
-fn without_std((name, value): (&'static str, f64)) -> (&'static str, Parameter) {
-    (name, Parameter { value, std: None })
-}
-
-/// When the effect begins, where that is during a run.
-fn onset(effect: &Effect) -> Option<(&'static str, Parameter)> {
-    effect.onset_s().map(|onset_s| without_std((ONSET, onset_s)))
-}
-
-fn values(effect: &Effect) -> impl Iterator<Item = (&'static str, f64)> {
-    effect.about().parameters.iter().zip(effect.values()).map(|(p, v)| (p.name, *v))
 }

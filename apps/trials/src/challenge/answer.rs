@@ -5,7 +5,7 @@
 
 use super::record::Record;
 use fss_launcher::files::this_program;
-use fss_report::diagnose::read::{Cause, ONSET, read};
+use fss_report::diagnose::answer::{self as diagnosis, EffectName, ONSET, Parameters};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -52,51 +52,33 @@ pub(super) struct Answer {
     pub ratio_after: Option<f64>,
 }
 
-/// What `fss-diagnosis/1` marks as equivalent: alternatives that the data cannot tell from their cause.
-#[derive(Deserialize)]
-struct Marks {
-    causes: Vec<MarkedCause>,
-}
-
-#[derive(Deserialize)]
-struct MarkedCause {
-    #[serde(default)]
-    alternatives: Vec<Mark>,
-}
-
-#[derive(Deserialize)]
-struct Mark {
-    #[serde(default)]
-    equivalent: bool,
-}
-
-fn record(cause: &Cause) -> Record {
-    let values = cause.parameters.iter().filter(|(name, _)| *name != ONSET);
+fn record(name: &EffectName, parameters: &Parameters) -> Record {
+    let values = parameters.iter().filter(|(name, _)| *name != ONSET);
     Record {
-        effect: cause.effect.clone(),
-        index: cause.index,
-        channel: cause.channel.clone(),
-        onset_s: cause.parameters.get(ONSET).map(|onset| onset.value),
+        effect: name.effect.clone(),
+        index: name.index,
+        channel: name.channel.clone(),
+        onset_s: parameters.get(ONSET).map(|onset| onset.value),
         parameters: values.map(|(name, p)| (name.clone(), p.value)).collect(),
     }
 }
 
-fn deviations(cause: &Cause) -> BTreeMap<String, f64> {
-    cause.parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect()
+fn deviations(parameters: &Parameters) -> BTreeMap<String, f64> {
+    parameters.iter().filter_map(|(name, p)| Some((name.clone(), p.std?))).collect()
 }
 
-fn said(cause: &Cause, marked: &MarkedCause) -> Said {
-    let alternative = |(other, mark): (&Cause, &Mark)| Alternative {
-        record: record(other),
-        std: deviations(other),
+fn said(cause: &diagnosis::Cause) -> Said {
+    let alternative = |other: &diagnosis::Alternative| Alternative {
+        record: record(&other.name, &other.parameters),
+        std: deviations(&other.parameters),
         probability: other.probability,
-        is_equivalent: mark.equivalent,
+        is_equivalent: other.equivalent,
     };
     Said {
-        record: record(cause),
-        std: deviations(cause),
+        record: record(&cause.name, &cause.parameters),
+        std: deviations(&cause.parameters),
         probability: cause.probability,
-        alternatives: cause.alternatives.iter().zip(&marked.alternatives).map(alternative).collect(),
+        alternatives: cause.alternatives.iter().map(alternative).collect(),
     }
 }
 
@@ -124,11 +106,9 @@ pub(super) fn answer(plant: &Path, logs: &[PathBuf], folder: &Path, threads: Opt
 
 /// Reads what the diagnosis wrote.
 fn written(path: &Path) -> Result<Answer> {
-    let diagnosis = read(path)?;
-    let text = std::fs::read_to_string(path).into_diagnostic()?;
-    let marks: Marks = serde_json::from_str(&text).into_diagnostic()?;
+    let diagnosis = diagnosis::Answer::read(path)?;
     Ok(Answer {
-        causes: diagnosis.causes.iter().zip(&marks.causes).map(|(cause, marked)| said(cause, marked)).collect(),
+        causes: diagnosis.causes.iter().map(said).collect(),
         verdict: diagnosis.verdict,
         ratio_before: diagnosis.gain.ratio_before,
         ratio_after: diagnosis.gain.ratio_after,
