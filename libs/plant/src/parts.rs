@@ -274,6 +274,23 @@ impl Default for Sensors {
     }
 }
 
+impl Sensors {
+    /// Standard deviations of the white noise of one sample: motion capture's position (m) and heading (rad), the gyro's
+    /// rate (rad/s), a link's encoder angle (rad), encoder rate (rad/s), current (A) and torque (N m).
+    pub fn noises_mut(&mut self) -> impl Iterator<Item = &mut f64> {
+        [
+            &mut self.mocap_position_m,
+            &mut self.mocap_angle_rad,
+            &mut self.gyro_rad_s,
+            &mut self.encoder_rad,
+            &mut self.encoder_rate_rad_s,
+            &mut self.current_a,
+            &mut self.torque_n_m,
+        ]
+        .into_iter()
+    }
+}
+
 /// `[uncertainty]`: standard deviations of the values elsewhere in the file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

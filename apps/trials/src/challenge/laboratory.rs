@@ -67,18 +67,10 @@ fn retune(servo: &mut Servo, dice: &mut ChaCha8Rng) {
 }
 
 fn sensors(room: &mut Plant, dice: &mut ChaCha8Rng) {
-    let s = &mut room.sensors;
-    for std in [
-        &mut s.mocap_position_m,
-        &mut s.mocap_angle_rad,
-        &mut s.gyro_rad_s,
-        &mut s.encoder_rad,
-        &mut s.encoder_rate_rad_s,
-        &mut s.current_a,
-        &mut s.torque_n_m,
-    ] {
+    for std in room.sensors.noises_mut() {
         *std *= 1.0 + dice.random_range(-NOISE_SHARE..NOISE_SHARE);
     }
+    let s = &mut room.sensors;
     for rate_hz in [&mut s.mocap_rate_hz, &mut s.link_rate_hz] {
         *rate_hz *= 1.0 + dice.random_range(-RATE_SHARE..RATE_SHARE);
     }

@@ -98,15 +98,7 @@ fn sensors(plant: &mut Plant, dice: &mut ChaCha8Rng) {
     let strongest_n_m = plant.links.iter().map(|link| link.max_torque_n_m).fold(0.0, f64::max);
     let s = &mut plant.sensors;
     s.torque_range_n_m = s.torque_range_n_m.map(|range| range.max(1.2 * strongest_n_m));
-    for std in [
-        &mut s.mocap_position_m,
-        &mut s.mocap_angle_rad,
-        &mut s.gyro_rad_s,
-        &mut s.encoder_rad,
-        &mut s.encoder_rate_rad_s,
-        &mut s.current_a,
-        &mut s.torque_n_m,
-    ] {
+    for std in s.noises_mut() {
         *std = scaled(*std, 0.5, 2.0, dice);
     }
     s.mocap_rate_hz = scaled(s.mocap_rate_hz, 0.6, 1.5, dice).round();

@@ -232,19 +232,9 @@ fn quiet(plant: &Plant, airy: bool) -> Plant {
     let mut plant = plant.clone();
     plant.disturbance = plant.disturbance.filter(|_| airy);
     let s = &mut plant.sensors;
-    for noise in [
-        &mut s.mocap_position_m,
-        &mut s.mocap_angle_rad,
-        &mut s.mocap_dropout,
-        &mut s.gyro_rad_s,
-        &mut s.gyro_bias_walk_rad_s_sqrt_s,
-        &mut s.encoder_rad,
-        &mut s.encoder_rate_rad_s,
-        &mut s.encoder_step_rad,
-        &mut s.current_a,
-        &mut s.torque_n_m,
-    ] {
-        *noise = 0.0;
+    s.noises_mut().for_each(|std| *std = 0.0);
+    for imperfection in [&mut s.mocap_dropout, &mut s.gyro_bias_walk_rad_s_sqrt_s, &mut s.encoder_step_rad] {
+        *imperfection = 0.0;
     }
     plant
 }
