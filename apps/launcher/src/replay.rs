@@ -12,7 +12,6 @@ use player::Verdict;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tape::Tape;
 
 /// What no log can give again, by name.
 const NOT_REPLAYED: &[(&str, &str)] = &[
@@ -59,7 +58,7 @@ pub fn run(args: &ReplayArgs) -> ExitCode {
 fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     let logs = args.logs.iter().map(|path| Log::open(path)).collect::<Result<Vec<_>, _>>().into_diagnostic()?;
     let stack = Stack::of_log(&logs[0])?;
-    let tape = Tape::read(&logs, &stack.launch).into_diagnostic()?;
+    let tape = services::tape(&stack, &logs)?;
     if tape.steps.is_empty() {
         return Err(miette!(
             help = "fly again with this version: it records each step on /steps",

@@ -32,7 +32,7 @@ pub mod virtual_time;
 pub use bus::{Bus, Neighbours, Queue};
 pub use error::BusError;
 pub use fss_messages::{MAX_PORTS, Step};
-pub use port::{Batch, DeviceOutput, Feed, InputPort, Latest, Output, OutputPort, Taken};
+pub use port::{Batch, DeviceOutput, Feed, InputPort, Latest, Output, OutputPort, PortVisitor, Taken};
 pub use port_sets::{InputPorts, OutputPorts};
 pub use runner::{Runner, Service};
 pub use shared::{SharedConfig, remove_dead_nodes, remove_stale_stacks};

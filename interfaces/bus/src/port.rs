@@ -87,6 +87,14 @@ pub struct Taken {
     pub fresh: bool,
 }
 
+/// Is shown what each port of a service stands for.
+pub trait PortVisitor {
+    /// A port of a topic.
+    fn topic<T: Sample>(&mut self, topic: Topic<T>);
+    /// A port of the device queue of this name.
+    fn device(&mut self, queue: &'static str);
+}
+
 /// An input of a service: a topic or a device.
 pub trait InputPort: Sized {
     /// What names it: a topic, or a device queue's name.
@@ -102,6 +110,8 @@ pub trait InputPort: Sized {
     fn age_ns(&self, now: Time) -> u64;
     /// What the last [`Self::refresh`] left in hand.
     fn taken(&self) -> Taken;
+    /// Shows what it stands for.
+    fn visit(address: Self::Address, visitor: &mut impl PortVisitor);
 }
 
 /// The newest sample of a topic; it stays until a newer one comes, so look at its age.
@@ -151,6 +161,10 @@ impl<T: Sample> InputPort for Latest<T> {
     fn taken(&self) -> Taken {
         Taken { input: self.get().map_or(0, |sample| sample.header().sequence), fresh: self.fresh }
     }
+
+    fn visit(topic: Topic<T>, visitor: &mut impl PortVisitor) {
+        visitor.topic(topic);
+    }
 }
 
 /// All samples of a topic that came since the last step, oldest first.
@@ -195,6 +209,10 @@ impl<T: Sample> InputPort for Batch<T> {
     fn taken(&self) -> Taken {
         Taken { input: self.samples.len() as u64, fresh: !self.samples.is_empty() }
     }
+
+    fn visit(topic: Topic<T>, visitor: &mut impl PortVisitor) {
+        visitor.topic(topic);
+    }
 }
 
 /// Messages from a device's thread that came since the last step, oldest first.
@@ -236,6 +254,10 @@ impl<T: Send + 'static> InputPort for Feed<T> {
     fn taken(&self) -> Taken {
         Taken { input: self.messages.len() as u64, fresh: !self.messages.is_empty() }
     }
+
+    fn visit(name: &'static str, visitor: &mut impl PortVisitor) {
+        visitor.device(name);
+    }
 }
 
 /// An output of a service: a topic or a device.
@@ -249,6 +271,8 @@ pub trait OutputPort: Sized {
     fn open(bus: &Bus, address: Self::Address) -> Result<Self, BusError>;
     /// Sends what the step has published; returns how many samples could not be sent.
     fn flush(&mut self, now: Time) -> u64;
+    /// Shows what it stands for; nothing where that is neither a topic nor a device.
+    fn visit(_address: Self::Address, _visitor: &mut impl PortVisitor) {}
 }
 
 /// Publishes to a topic. What a step publishes is sent when the step has ended.
@@ -305,6 +329,10 @@ impl<T: Sample> OutputPort for Output<T> {
         self.staged.clear();
         dropped
     }
+
+    fn visit(topic: Topic<T>, visitor: &mut impl PortVisitor) {
+        visitor.topic(topic);
+    }
 }
 
 /// Messages to a device's thread.
@@ -329,5 +357,9 @@ impl<T: Send + 'static> OutputPort for DeviceOutput<T> {
 
     fn flush(&mut self, _now: Time) -> u64 {
         std::mem::take(&mut self.dropped)
+    }
+
+    fn visit(name: &'static str, visitor: &mut impl PortVisitor) {
+        visitor.device(name);
     }
 }

@@ -1,6 +1,6 @@
 //! All ports of a service: the traits, and the macros that state the ports once.
 
-use crate::{Bus, BusError, Time};
+use crate::{Bus, BusError, PortVisitor, Time};
 use fss_messages::Step;
 
 /// All inputs of a service; made by [`inputs!`](crate::inputs).
@@ -18,6 +18,8 @@ pub trait InputPorts: Sized {
     fn ages_ns(&self, now: Time, ages: &mut [u64]);
     /// Writes into a step's record what the last refresh left in hand; false where the service's steps are not recorded.
     fn record(&self, step: &mut Step) -> bool;
+    /// Shows all in order; none of a set that is made anew for each stack.
+    fn visit(_visitor: &mut impl PortVisitor) {}
 }
 
 /// All outputs of a service; made by [`outputs!`](crate::outputs).
@@ -29,6 +31,8 @@ pub trait OutputPorts: Sized {
     fn open(bus: &Bus) -> Result<Self, BusError>;
     /// Sends what the step has published; returns how many samples could not be sent.
     fn flush(&mut self, now: Time) -> u64;
+    /// Shows all in order; none of a set that is made anew for each stack.
+    fn visit(_visitor: &mut impl PortVisitor) {}
 }
 
 /// Defines a service's inputs: `inputs! { /// Doc. pub struct Inputs { nav: Latest<NavState> = topic::NAV_STATE, } }`.
@@ -67,6 +71,10 @@ macro_rules! inputs {
                 const { assert!(PORTS <= $crate::MAX_PORTS, "a step's record has no room for so many ports") };
                 true
             }
+
+            fn visit(visitor: &mut impl $crate::PortVisitor) {
+                $( <$port as $crate::InputPort>::visit($address, visitor); )*
+            }
         }
     };
 }
@@ -89,6 +97,10 @@ macro_rules! outputs {
                 let mut dropped = 0;
                 $( dropped += $crate::OutputPort::flush(&mut self.$field, now); )*
                 dropped
+            }
+
+            fn visit(visitor: &mut impl $crate::PortVisitor) {
+                $( <$port as $crate::OutputPort>::visit($address, visitor); )*
             }
         }
     };

@@ -7,7 +7,7 @@ use crate::{
 use core::marker::PhantomData;
 
 /// In whose name a topic is published.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Owner {
     /// This stack's vehicle.
     This,

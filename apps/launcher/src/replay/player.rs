@@ -1,9 +1,10 @@
 //! Plays a service's recorded inputs to its core and compares what comes out.
 
 use super::tape::{Recorded, Tape};
-use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Output, OutputPort, Runner, Service, Time};
-use fss_messages::topic::Owner;
+use fss_bus::{Batch, Bus, InputPort, InputPorts, Output, OutputPort, OutputPorts, PortVisitor, Runner, Service, Time};
+use fss_messages::topic::{Owner, Topic};
 use fss_messages::{Field, Sample, Scalar, Step, text_of};
+use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 use std::fmt;
 
@@ -56,7 +57,7 @@ pub(super) struct Verdict {
 }
 
 /// A port that gets what a step's record names.
-pub(super) trait Feeder {
+trait Feeder {
     /// Gives a sample that was in hand before the step, though no step had seen it come; true where there was one.
     fn give_held(&mut self, _step: &Step, _port: usize) -> Result<bool, String> {
         Ok(false)
@@ -66,7 +67,7 @@ pub(super) trait Feeder {
 }
 
 /// A topic.
-pub(super) struct FromTopic<'a, T: Sample> {
+struct FromTopic<'a, T: Sample> {
     recorded: &'a Recorded<T>,
     port: Output<T>,
     held: u64,
@@ -74,12 +75,7 @@ pub(super) struct FromTopic<'a, T: Sample> {
     from: usize,
 }
 
-impl<'a, T: Sample> FromTopic<'a, T> {
-    /// Of what was recorded of it.
-    pub(super) fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
-        Ok(Box::new(Self { recorded, port: Output::open(bus, recorded.topic)?, held: 0, from: 0 }))
-    }
-
+impl<T: Sample> FromTopic<'_, T> {
     fn relay(&mut self, step: &Step, port: usize) -> Result<(), String> {
         let sequence = step.input[port];
         let sample = match self.recorded.topic.owner {
@@ -112,19 +108,25 @@ impl<T: Sample> Feeder for FromTopic<'_, T> {
     }
 }
 
+/// Gives a device's messages of a step, which had so many; returns how many it gave.
+pub(super) type Give<'a> = Box<dyn FnMut(&Step, u64) -> u64 + 'a>;
+
 /// A device: gives what it had for the step, and says how many messages that were.
-pub(super) struct FromDevice<F> {
+pub(super) struct FromDevice<'a> {
+    /// The queue to its service.
+    pub queue: &'static str,
     /// What the messages are called.
     pub name: &'static str,
     /// Whether every message leaves a trace in the log.
     pub complete: bool,
     /// Gives the messages.
-    pub give: F,
+    pub give: Give<'a>,
 }
 
-impl<F: FnMut(&Step) -> u64> Feeder for FromDevice<F> {
+impl Feeder for FromDevice<'_> {
     fn give(&mut self, step: &Step, port: usize) -> Result<(), String> {
-        let (given, had) = ((self.give)(step), step.input[port]);
+        let had = step.input[port];
+        let given = (self.give)(step, had);
         if given > had || (self.complete && given < had) {
             return Err(format!("the log holds {given} of the {had} {} that step {} used", self.name, step.step));
         }
@@ -133,22 +135,15 @@ impl<F: FnMut(&Step) -> u64> Feeder for FromDevice<F> {
 }
 
 /// A topic that the service writes.
-pub(super) trait Checker {
+trait Checker {
     /// Compares what the step published; returns how many samples.
     fn check(&mut self, step: &Step, found: &mut dyn FnMut(&'static str, Option<String>, String, String)) -> u64;
 }
 
 /// What was recorded of an output, and what comes out now.
-pub(super) struct ToTopic<'a, T: Sample> {
+struct ToTopic<'a, T: Sample> {
     recorded: &'a Recorded<T>,
     recomputed: Batch<T>,
-}
-
-impl<'a, T: Sample> ToTopic<'a, T> {
-    /// Of what was recorded of it.
-    pub(super) fn open(bus: &Bus, recorded: &'a Recorded<T>) -> Result<Box<Self>, BusError> {
-        Ok(Box::new(Self { recorded, recomputed: Batch::open(bus, recorded.topic)? }))
-    }
 }
 
 impl<T: Sample> Checker for ToTopic<'_, T> {
@@ -211,17 +206,73 @@ fn value(scalar: Scalar, bytes: &[u8]) -> String {
     }
 }
 
-/// A service on a bus of its own, with all that it reads and writes.
-pub(super) struct Player<'a, S: Service> {
-    /// The core with its ports.
-    pub runner: Runner<S>,
-    /// One for each input port, in their order.
-    pub inputs: Vec<Box<dyn Feeder + 'a>>,
-    /// One for each topic that it writes.
-    pub outputs: Vec<Box<dyn Checker + 'a>>,
+/// Makes what feeds each input of a service, in the order of its ports.
+struct Feeders<'a, 'b> {
+    bus: &'b Bus,
+    tape: &'a Tape,
+    devices: Vec<FromDevice<'a>>,
+    all: Vec<Result<Box<dyn Feeder + 'a>>>,
 }
 
-impl<S: Service> Player<'_, S> {
+impl<'a> PortVisitor for Feeders<'a, '_> {
+    fn topic<T: Sample>(&mut self, topic: Topic<T>) {
+        let open = || -> Result<Box<dyn Feeder + 'a>> {
+            let port = Output::open(self.bus, topic).into_diagnostic()?;
+            Ok(Box::new(FromTopic { recorded: self.tape.topic(topic)?, port, held: 0, from: 0 }))
+        };
+        self.all.push(open());
+    }
+
+    fn device(&mut self, queue: &'static str) {
+        let place = self.devices.iter().position(|device| device.queue == queue);
+        let device = place.map(|i| Box::new(self.devices.swap_remove(i)) as Box<dyn Feeder + 'a>);
+        self.all.push(device.ok_or_else(|| miette!("the log does not stand for the device '{queue}'")));
+    }
+}
+
+/// Makes what checks each topic that a service writes; commands to devices are not recorded.
+struct Checkers<'a, 'b> {
+    bus: &'b Bus,
+    tape: &'a Tape,
+    all: Vec<Result<Box<dyn Checker + 'a>>>,
+}
+
+impl<'a> PortVisitor for Checkers<'a, '_> {
+    fn topic<T: Sample>(&mut self, topic: Topic<T>) {
+        let open = || -> Result<Box<dyn Checker + 'a>> {
+            let recomputed = Batch::open(self.bus, topic).into_diagnostic()?;
+            Ok(Box::new(ToTopic { recorded: self.tape.topic(topic)?, recomputed }))
+        };
+        self.all.push(open());
+    }
+
+    fn device(&mut self, _queue: &'static str) {}
+}
+
+/// A service on a bus of its own, with all that it reads and writes.
+pub(super) struct Player<'a, S: Service> {
+    runner: Runner<S>,
+    /// One for each input port, in their order.
+    inputs: Vec<Box<dyn Feeder + 'a>>,
+    /// One for each topic that it writes.
+    outputs: Vec<Box<dyn Checker + 'a>>,
+}
+
+impl<'a, S: Service> Player<'a, S> {
+    /// Of a service whose topics are on the tape.
+    ///
+    /// # Errors
+    /// Where one is not, where a device is missing, or where the bus refuses a port.
+    pub(super) fn new(service: S, bus: &Bus, tape: &'a Tape, devices: Vec<FromDevice<'a>>) -> Result<Self> {
+        let runner = Runner::new(service, bus).into_diagnostic()?;
+        let mut feeders = Feeders { bus, tape, devices, all: Vec::new() };
+        S::Inputs::visit(&mut feeders);
+        let mut checkers = Checkers { bus, tape, all: Vec::new() };
+        S::Outputs::visit(&mut checkers);
+        let inputs = feeders.all.into_iter().collect::<Result<_>>()?;
+        Ok(Self { runner, inputs, outputs: checkers.all.into_iter().collect::<Result<_>>()? })
+    }
+
     /// One step as its record has it.
     fn step(&mut self, step: &Step) -> Result<(), String> {
         let mut held = false;
@@ -244,10 +295,10 @@ impl<S: Service> Player<'_, S> {
 ///
 /// # Errors
 /// Where a player cannot be made.
-pub(super) fn replay<'a, S: Service, E>(
+pub(super) fn replay<'a, S: Service>(
     tape: &'a Tape,
-    open: impl Fn(&[Step]) -> Result<Player<'a, S>, E>,
-) -> Result<Verdict, E> {
+    open: impl Fn(&[Step]) -> Result<Player<'a, S>>,
+) -> Result<Verdict> {
     let lives = tape.lives(S::NAME);
     let mut verdict = Verdict {
         service: S::NAME,

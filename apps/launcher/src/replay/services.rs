@@ -1,19 +1,37 @@
 //! Each service with what it read and wrote.
 
-use super::player::{Checker, Feeder, FromDevice, FromTopic, Player, ToTopic, Verdict, replay};
+use super::player::{FromDevice, Player, Verdict, replay};
 use super::tape::Tape;
 use crate::stack::Stack;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
-use fss_bus::{Bus, Feed, Queue, Runner, Service};
+use fss_bus::{Bus, Feed, Queue, Service};
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
 use fss_links::{LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
-use fss_messages::{MocapPose, Step};
+use fss_messages::{MocapPose, Step, topic};
 use fss_mission::{MissionConfig, MissionService};
+use fss_records::log::Log;
 use fss_thrusters::{DRIVER_QUEUE, Thrusters};
 use fss_wire::link::Key;
 use miette::{IntoDiagnostic, Result, miette};
+
+/// Reads the topics of every service that is replayed.
+///
+/// # Errors
+/// Where the logs cannot be read.
+pub(super) fn tape(stack: &Stack, logs: &[Log]) -> Result<Tape> {
+    Tape::new(&stack.launch)
+        .with_ports_of::<Fusion>()
+        .with_ports_of::<LinksService>()
+        .with_ports_of::<MissionService>()
+        .with_ports_of::<ArmService>()
+        .with_ports_of::<Base>()
+        .with_ports_of::<Thrusters>()
+        .with_ports_of::<Calibration>()
+        .read(logs)
+        .into_diagnostic()
+}
 
 /// Replays every service of the stack.
 ///
@@ -42,42 +60,31 @@ fn queue<T: Send + 'static>(bus: &Bus, name: &'static str) -> Result<Queue<T>> {
     bus.queue(name, Feed::<T>::CAPACITY).into_diagnostic()
 }
 
-macro_rules! player {
-    ($service:expr, $bus:expr, [$($input:expr),* $(,)?], [$($output:expr),* $(,)?]) => {
-        Ok(Player {
-            runner: Runner::new($service, $bus).into_diagnostic()?,
-            inputs: vec![$( $input as Box<dyn Feeder + '_> ),*],
-            outputs: vec![$( ToTopic::open($bus, $output).into_diagnostic()? as Box<dyn Checker + '_> ),*],
-        })
-    };
-}
-
 fn fusion<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Fusion>> {
     let bus = &bus(stack);
     let (vicon, gyro) = (queue(bus, VICON_QUEUE)?, queue(bus, GYRO_QUEUE)?);
-    let give_vicon = move |step: &Step| {
-        let at = step.published_ns;
-        let frames = frames([tape.mocap_base.at(at), tape.mocap_end_effector.at(at), tape.mocap_target.at(at)]);
+    let poses = [topic::MOCAP_BASE, topic::MOCAP_END_EFFECTOR, topic::MOCAP_TARGET];
+    let [base, end_effector, target] = poses.map(|topic| tape.topic(topic));
+    let bodies = [base?, end_effector?, target?];
+    let rates = tape.topic(topic::GYRO)?;
+    let give_vicon = move |step: &Step, _| {
+        let frames = frames(bodies.map(|body| body.at(step.published_ns)));
         frames.iter().filter(|frame| vicon.push(**frame).is_ok()).count() as u64
     };
-    let give_gyro = move |step: &Step| {
-        let readings = tape.gyro.at(step.published_ns).iter().map(|reading| GyroPacket {
+    let give_gyro = move |step: &Step, _| {
+        let readings = rates.at(step.published_ns).iter().map(|reading| GyroPacket {
             received_ns: reading.received_ns,
             rate_rad_s: reading.omega_rad_s,
             valid: reading.valid != 0,
         });
         readings.filter(|reading| gyro.push(*reading).is_ok()).count() as u64
     };
-    player!(
-        Fusion::new(FusionConfig::from_plant(&stack.plant)),
-        bus,
-        [
-            // A frame that names no body of ours is no sample, and does nothing.
-            Box::new(FromDevice { name: "motion capture frames", complete: false, give: give_vicon }),
-            Box::new(FromDevice { name: "gyro readings", complete: true, give: give_gyro }),
-        ],
-        [&tape.mocap_base, &tape.mocap_end_effector, &tape.mocap_target, &tape.gyro, &tape.nav, &tape.events]
-    )
+    let devices = vec![
+        // A frame that names no body of ours is no sample, and does nothing.
+        FromDevice { queue: VICON_QUEUE, name: "motion capture frames", complete: false, give: Box::new(give_vicon) },
+        FromDevice { queue: GYRO_QUEUE, name: "gyro readings", complete: true, give: Box::new(give_gyro) },
+    ];
+    Player::new(Fusion::new(FusionConfig::from_plant(&stack.plant)), bus, tape, devices)
 }
 
 /// Frames of motion capture put together again from the poses of their bodies.
@@ -102,115 +109,62 @@ fn frames(mut bodies: [&[MocapPose]; 3]) -> Vec<MocapPacket> {
 fn links<'a>(stack: &Stack, tape: &'a Tape, life: &[Step]) -> Result<Player<'a, LinksService>> {
     let bus = &bus(stack);
     let telemetry = queue::<TelemetryDatagram>(bus, TELEMETRY_QUEUE)?;
-    let give = move |step: &Step| {
-        let datagrams = tape.telemetry.at(step.published_ns);
+    let received = tape.topic(topic::LINKS_TELEMETRY)?;
+    let give = move |step: &Step, _| {
+        let datagrams = received.at(step.published_ns);
         datagrams.iter().filter(|datagram| telemetry.push((*datagram).into()).is_ok()).count() as u64
     };
     // Commands are numbered from the calendar time of the start: the first number that the log shows.
-    let sent = tape.links.since(life[0].published_ns).iter().map(|state| state.command_sequence);
+    let sent = tape.topic(topic::LINKS_STATE)?.since(life[0].published_ns).iter().map(|state| state.command_sequence);
     let first = sent.flatten().find(|sequence| *sequence > 0).map_or(0, |sequence| sequence - 1);
     // The signature goes out to the links only; no key is needed to compute the state again.
     let key = Key::new(&[1; 32]).into_diagnostic()?;
-    player!(
-        LinksService::new(LinksConfig::new(&stack.plant), key, first),
-        bus,
-        [
-            Box::new(FromDevice { name: "telemetry datagrams", complete: true, give }),
-            FromTopic::open(bus, &tape.arm).into_diagnostic()?,
-        ],
-        [&tape.telemetry, &tape.links, &tape.events]
-    )
+    let devices =
+        vec![FromDevice { queue: TELEMETRY_QUEUE, name: "telemetry datagrams", complete: true, give: Box::new(give) }];
+    Player::new(LinksService::new(LinksConfig::new(&stack.plant), key, first), bus, tape, devices)
 }
 
 fn mission<'a>(stack: &Stack, tape: &'a Tape, life: &[Step]) -> Result<Player<'a, MissionService>> {
-    let bus = &bus(stack);
     let (mission, config) = (stack.mission.clone(), MissionConfig::for_plant(&stack.plant));
     // A process that was started again went on from what the one before had published last.
-    let service = match tape.mission.before(life[0].published_ns) {
+    let service = match tape.topic(topic::MISSION_STATE)?.before(life[0].published_ns) {
         Some(last) => MissionService::resumed(mission, config, *last),
         None => MissionService::new(mission, config),
     };
-    player!(
-        service,
-        bus,
-        [
-            FromTopic::open(bus, &tape.nav).into_diagnostic()?,
-            FromTopic::open(bus, &tape.links).into_diagnostic()?,
-            FromTopic::open(bus, &tape.arm).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mocap_target).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mission_command).into_diagnostic()?,
-            FromTopic::open(bus, &tape.target_nav).into_diagnostic()?,
-            FromTopic::open(bus, &tape.target_peer).into_diagnostic()?,
-        ],
-        [&tape.mission, &tape.events]
-    )
+    Player::new(service, &bus(stack), tape, Vec::new())
 }
 
 fn arm<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, ArmService>> {
-    let bus = &bus(stack);
-    player!(
-        ArmService::new(ArmConfig::new(&stack.plant).into_diagnostic()?),
-        bus,
-        [
-            FromTopic::open(bus, &tape.nav).into_diagnostic()?,
-            FromTopic::open(bus, &tape.links).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mission).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mocap_end_effector).into_diagnostic()?,
-            FromTopic::open(bus, &tape.parameters_command).into_diagnostic()?,
-        ],
-        [&tape.arm, &tape.parameters_state, &tape.events]
-    )
+    let service = ArmService::new(ArmConfig::new(&stack.plant).into_diagnostic()?);
+    Player::new(service, &bus(stack), tape, Vec::new())
 }
 
 fn calibration<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Calibration>> {
-    let bus = &bus(stack);
-    player!(
-        Calibration::new(stack.plant.link_count(), MovementBand::of(&stack.plant)),
-        bus,
-        [
-            FromTopic::open(bus, &tape.mocap_end_effector).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mocap_base).into_diagnostic()?,
-            FromTopic::open(bus, &tape.links).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mission).into_diagnostic()?,
-        ],
-        [&tape.postures, &tape.events]
-    )
+    let service = Calibration::new(stack.plant.link_count(), MovementBand::of(&stack.plant));
+    Player::new(service, &bus(stack), tape, Vec::new())
 }
 
 fn base<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Base>> {
-    let bus = &bus(stack);
     let model = stack.plant.model().into_diagnostic()?;
     let schedule = stack.launch.schedule(Base::NAME).ok_or_else(|| miette!("the launch file has no service 'base'"))?;
-    player!(
-        Base::new(BaseConfig::from_plant(&stack.plant, model, *schedule.rate_hz.get_ref())),
-        bus,
-        [
-            FromTopic::open(bus, &tape.nav).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mocap_base).into_diagnostic()?,
-            FromTopic::open(bus, &tape.mission).into_diagnostic()?,
-            FromTopic::open(bus, &tape.links).into_diagnostic()?,
-            FromTopic::open(bus, &tape.parameters_command).into_diagnostic()?,
-        ],
-        [&tape.base, &tape.thrusters, &tape.parameters_state, &tape.events]
-    )
+    let service = Base::new(BaseConfig::from_plant(&stack.plant, model, *schedule.rate_hz.get_ref()));
+    Player::new(service, &bus(stack), tape, Vec::new())
 }
 
 fn thrusters<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Thrusters>> {
     let bus = &bus(stack);
     let driver = queue(bus, DRIVER_QUEUE)?;
-    let give = move |step: &Step| {
+    let states = tape.topic(topic::THRUSTERS_STATE)?;
+    let give = move |step: &Step, had| {
         // Of several words of the driver only the last counts, and the state says which it was.
-        let had = step.input[1];
-        let words = tape.valves.at(step.published_ns).iter().map(|state| state.driver_works != 0);
+        let words = states.at(step.published_ns).iter().map(|state| state.driver_works != 0);
         if had > 0 && words.take(1).filter(|word| driver.push(*word).is_ok()).count() == 1 { had } else { 0 }
     };
-    player!(
-        Thrusters::new(stack.plant.thrusters.len()),
-        bus,
-        [
-            FromTopic::open(bus, &tape.thrusters).into_diagnostic()?,
-            Box::new(FromDevice { name: "words of the valve driver", complete: true, give }),
-        ],
-        [&tape.valves, &tape.events]
-    )
+    let devices = vec![FromDevice {
+        queue: DRIVER_QUEUE,
+        name: "words of the valve driver",
+        complete: true,
+        give: Box::new(give),
+    }];
+    Player::new(Thrusters::new(stack.plant.thrusters.len()), bus, tape, devices)
 }

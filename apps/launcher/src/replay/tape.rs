@@ -1,116 +1,135 @@
 //! What a log holds of a flight, ready to be looked up by step.
 
 use fss_bus::launch::Launch;
+use fss_bus::{InputPorts, OutputPorts, PortVisitor, Service};
 use fss_messages::topic::{self, Owner, Topic};
-use fss_messages::{
-    ArmCommand, BaseCommand, Event, GyroRate, LinkDatagram, LinksState, MissionCommand, MissionState, MocapPose,
-    NavState, Parameters, PeerState, Posture, Sample, Step, ThrustersCommand, ThrustersState, text_of,
-};
-use fss_records::log::{Log, LogError, Samples};
+use fss_messages::{Sample, Step, text_of};
+use fss_records::log::{Collect, Log, LogError, Samples};
+use miette::{Result, miette};
+use std::any::Any;
+use std::collections::HashMap;
 
 /// The samples of a topic in the order of their publication.
 pub(super) struct Recorded<T> {
-    /// The topic's name, without the vehicle's.
+    /// The topic, whose name is without the vehicle's.
     pub topic: Topic<T>,
-    samples: Vec<T>,
+    samples: Samples<T>,
+}
+
+/// A topic whatever its sample.
+trait AnyRecorded: Any {
+    fn collect(&mut self) -> &mut dyn Collect;
+    fn sort(&mut self);
+}
+
+impl<T: Sample> AnyRecorded for Recorded<T> {
+    fn collect(&mut self) -> &mut dyn Collect {
+        &mut self.samples
+    }
+
+    fn sort(&mut self) {
+        // Another vehicle's samples are on its own clock: they stay in the order in which they came.
+        if self.topic.owner == Owner::This {
+            self.samples.samples.sort_by_key(|sample| sample.header().published_ns);
+        }
+    }
 }
 
 impl<T: Sample> Recorded<T> {
-    fn new(topic: Topic<T>, mut samples: Vec<T>) -> Self {
-        // Another vehicle's samples are on its own clock: they stay in the order in which they came.
-        if topic.owner == Owner::This {
-            samples.sort_by_key(|sample| sample.header().published_ns);
-        }
-        Self { topic, samples }
-    }
-
     /// Of another vehicle's samples, the first of this sequence from the `from`-th on, and its place.
     pub(super) fn next_of_sequence(&self, sequence: u64, from: usize) -> Option<(usize, &T)> {
-        self.samples.iter().enumerate().skip(from).find(|(_, sample)| sample.header().sequence == sequence)
+        self.samples.samples.iter().enumerate().skip(from).find(|(_, sample)| sample.header().sequence == sequence)
     }
 
     /// What was published at this time: by one step, unless several services speak on the topic.
     pub(super) fn at(&self, published_ns: u64) -> &[T] {
-        let from = self.samples.partition_point(|sample| sample.header().published_ns < published_ns);
-        let to = self.samples.partition_point(|sample| sample.header().published_ns <= published_ns);
-        &self.samples[from..to]
+        let from = self.samples.samples.partition_point(|sample| sample.header().published_ns < published_ns);
+        let to = self.samples.samples.partition_point(|sample| sample.header().published_ns <= published_ns);
+        &self.samples.samples[from..to]
     }
 
     /// The newest sample of this sequence that was published by `until_ns`: a publisher that starts anew counts anew.
     pub(super) fn of_sequence(&self, sequence: u64, until_ns: u64) -> Option<&T> {
-        let end = self.samples.partition_point(|sample| sample.header().published_ns <= until_ns);
-        self.samples[..end].iter().rfind(|sample| sample.header().sequence == sequence)
+        let end = self.samples.samples.partition_point(|sample| sample.header().published_ns <= until_ns);
+        self.samples.samples[..end].iter().rfind(|sample| sample.header().sequence == sequence)
     }
 
     /// The newest that was published before `published_ns`.
     pub(super) fn before(&self, published_ns: u64) -> Option<&T> {
-        self.samples[..self.samples.partition_point(|sample| sample.header().published_ns < published_ns)].last()
+        self.samples.samples
+            [..self.samples.samples.partition_point(|sample| sample.header().published_ns < published_ns)]
+            .last()
     }
 
     /// All from `published_ns` on.
     pub(super) fn since(&self, published_ns: u64) -> &[T] {
-        &self.samples[self.samples.partition_point(|sample| sample.header().published_ns < published_ns)..]
+        &self.samples.samples
+            [self.samples.samples.partition_point(|sample| sample.header().published_ns < published_ns)..]
     }
 }
 
-/// The name under which a topic's owner publishes it; one that nobody has where there is no target.
-fn full_name<T>(launch: &Launch, topic: &Topic<T>) -> String {
-    let owner = match topic.owner {
-        Owner::This => launch.vehicle.as_str(),
-        Owner::Target => launch.target_vehicle.as_deref().unwrap_or("-"),
-    };
-    if owner.is_empty() { topic.name.to_owned() } else { format!("/{owner}{}", topic.name) }
+/// The topics that services read and write, and the record of their steps.
+pub(super) struct Tape {
+    launch: Launch,
+    topics: HashMap<(&'static str, Owner), Box<dyn AnyRecorded>>,
+    /// Every step of every service, in the order of the log.
+    pub steps: Vec<Step>,
 }
 
-macro_rules! tape {
-    ($( $(#[$doc:meta])* $field:ident: $sample:ident = $topic:expr, )*) => {
-        /// The topics that services read and write, and the record of their steps.
-        pub(crate) struct Tape {
-            $( $(#[$doc])* pub $field: Recorded<$sample>, )*
-            /// Every step of every service, in the order of the log.
-            pub steps: Vec<Step>,
-        }
+impl PortVisitor for Tape {
+    fn topic<T: Sample>(&mut self, topic: Topic<T>) {
+        let samples = Samples::<T>::of(&self.full_name(&topic));
+        self.topics.entry((topic.name, topic.owner)).or_insert_with(|| Box::new(Recorded { topic, samples }));
+    }
 
-        impl Tape {
-            /// Reads the parts of a flight of this launch file's vehicle, each in one pass.
-            ///
-            /// # Errors
-            /// Where the log cannot be read, or another build recorded it.
-            pub(crate) fn read(logs: &[Log], launch: &Launch) -> Result<Self, LogError> {
-                $( let mut $field = Samples::<$sample>::of(&full_name(launch, &$topic)); )*
-                let mut steps = Samples::<Step>::of(&full_name(launch, &topic::STEPS));
-                for log in logs {
-                    log.collect(&mut [$( &mut $field, )* &mut steps])?;
-                }
-                Ok(Self { $( $field: Recorded::new($topic, $field.samples), )* steps: steps.samples })
-            }
-        }
-    };
-}
-
-tape! {
-    mocap_base: MocapPose = topic::MOCAP_BASE,
-    mocap_end_effector: MocapPose = topic::MOCAP_END_EFFECTOR,
-    mocap_target: MocapPose = topic::MOCAP_TARGET,
-    gyro: GyroRate = topic::GYRO,
-    nav: NavState = topic::NAV_STATE,
-    telemetry: LinkDatagram = topic::LINKS_TELEMETRY,
-    links: LinksState = topic::LINKS_STATE,
-    mission: MissionState = topic::MISSION_STATE,
-    arm: ArmCommand = topic::ARM_COMMAND,
-    base: BaseCommand = topic::BASE_COMMAND,
-    thrusters: ThrustersCommand = topic::THRUSTERS_COMMAND,
-    valves: ThrustersState = topic::THRUSTERS_STATE,
-    postures: Posture = topic::CALIBRATION_POSTURE,
-    mission_command: MissionCommand = topic::MISSION_COMMAND,
-    parameters_command: Parameters = topic::PARAMETERS_COMMAND,
-    parameters_state: Parameters = topic::PARAMETERS_STATE,
-    events: Event = topic::EVENTS,
-    target_nav: NavState = topic::NAV_STATE.of_target(),
-    target_peer: PeerState = topic::PEER.of_target(),
+    fn device(&mut self, _queue: &'static str) {}
 }
 
 impl Tape {
+    /// Of a flight of this launch file's vehicle, without any topic.
+    pub(super) fn new(launch: &Launch) -> Self {
+        Self { launch: launch.clone(), topics: HashMap::new(), steps: Vec::new() }
+    }
+
+    /// The name under which a topic's owner publishes it; one that nobody has where there is no target.
+    fn full_name<T>(&self, topic: &Topic<T>) -> String {
+        let owner = match topic.owner {
+            Owner::This => self.launch.vehicle.as_str(),
+            Owner::Target => self.launch.target_vehicle.as_deref().unwrap_or("-"),
+        };
+        if owner.is_empty() { topic.name.to_owned() } else { format!("/{owner}{}", topic.name) }
+    }
+
+    /// Adds the topics of a service's ports.
+    pub(super) fn with_ports_of<S: Service>(mut self) -> Self {
+        S::Inputs::visit(&mut self);
+        S::Outputs::visit(&mut self);
+        self
+    }
+
+    /// Reads the parts of the flight, each in one pass.
+    ///
+    /// # Errors
+    /// Where the log cannot be read, or another build recorded it.
+    pub(super) fn read(mut self, logs: &[Log]) -> Result<Self, LogError> {
+        let mut steps = Samples::<Step>::of(&self.full_name(&topic::STEPS));
+        let mut all: Vec<&mut dyn Collect> = self.topics.values_mut().map(|recorded| recorded.collect()).collect();
+        all.push(&mut steps);
+        logs.iter().try_for_each(|log| log.collect(&mut all))?;
+        self.topics.values_mut().for_each(|recorded| recorded.sort());
+        self.steps = steps.samples;
+        Ok(self)
+    }
+
+    /// What was recorded of a topic.
+    ///
+    /// # Errors
+    /// Where no service that is replayed has a port of it.
+    pub(super) fn topic<T: Sample>(&self, topic: Topic<T>) -> Result<&Recorded<T>> {
+        let recorded: Option<&dyn Any> = self.topics.get(&(topic.name, topic.owner)).map(|r| &**r as &dyn Any);
+        recorded.and_then(|r| r.downcast_ref()).ok_or_else(|| miette!("no service has a port of {}", topic.name))
+    }
+
     /// The steps of a service, life by life: each start of its process, or what the log still holds of it.
     pub(super) fn lives(&self, service: &str) -> Vec<Vec<Step>> {
         let mut steps: Vec<Step> =
