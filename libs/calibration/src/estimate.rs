@@ -1,29 +1,22 @@
-//! Iterative batch least squares with weights estimated from the residuals, rank and covariance.
+//! Batch least squares with the noise of each kind of observation estimated from its residuals, rank and covariance.
 
-use super::linear::{Linear, SHORTEST_SERIES};
 use super::words::{SHARE, in_words};
-use super::{CalibrationError, Estimate, Estimated, Row, Unknown, sandwich};
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use super::{CalibrationError, Estimate, Estimated, Row, SHORTEST_SERIES, Unknown, sandwich};
+use fss_estimation::least_squares::{self, Linearization, Parameter, Weights};
+use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
-const MAX_ITERATIONS: usize = 60;
-/// A step of so many standard deviations is none.
-const NEGLIGIBLE: f64 = 1e-3;
 /// Whether neighbours share errors is a matter of yes or no; after so many iterations the answer stays.
 const SETTLE_AFTER: usize = 3;
-
-/// Step of numerical derivatives, in what is plausible.
-const STEP: f64 = 1e-5;
 /// Residuals beyond this many standard deviations are outliers.
 const OUTLIER: f64 = 5.0;
 
-/// Gauss-Newton on `residuals(values)` = measured less predicted (the paper's equations 2 to 4, weighted), from `start`.
+/// Least squares of `residuals(values)` = measured less predicted (the paper's equations 2 to 4, weighted), from `start`.
 ///
-/// The unknowns' first guesses count as observations too, each as good as is plausible. Where data speak at all they outweigh
-/// them by far; along a direction that the data do not determine the values stay where they were guessed, and what that
-/// direction could shift is in every standard deviation. Without it the iteration would come to rest anywhere in a valley
-/// that bends, and what is well seen at one place of it is something else at another.
+/// The unknowns' first guesses are the means of their priors, and what is plausible the standard deviations. Where data speak
+/// at all they outweigh them by far; along a direction that the data do not determine the values stay where they were
+/// guessed, and what that direction could shift is in every standard deviation. Without it the iteration would come to rest
+/// anywhere in a valley that bends, and what is well seen at one place of it is something else at another.
 ///
 /// `sensor_noise` is the noise of each kind before the residuals tell, and where they are too few to tell.
 ///
@@ -36,137 +29,64 @@ pub fn solve(
     sensor_noise: &[f64],
     residuals: impl Fn(&[f64]) -> Option<Vec<f64>> + Sync,
 ) -> Result<Estimate, CalibrationError> {
-    let mut fit = Fit::new(unknowns, start, rows, sensor_noise);
-    fit.converge(&residuals)?;
-    if fit.reject_outliers(&residuals)? {
-        fit.converge(&residuals)?;
+    let parameters: Vec<Parameter> = unknowns.iter().map(|u| Parameter::new(u.value, u.plausible)).collect();
+    let mut noise = NoiseModel::new(unknowns.len(), rows, sensor_noise);
+    let mut values = least_squares::solve(&parameters, start, &mut noise, &residuals)?;
+    if noise.reject_outliers(&residuals(&values).ok_or(CalibrationError::Diverged)?) {
+        values = least_squares::solve(&parameters, &values, &mut noise, &residuals)?;
     }
-    fit.finish(&residuals)
+    let linear = Linearization::at(&parameters, &values, |row| noise.of(row), &residuals)?;
+    Ok(noise.estimate(unknowns, values, &linear))
 }
 
-struct Fit<'a> {
-    unknowns: &'a [Unknown],
+/// The noise of each kind of observation, and the instants that are taken for outliers.
+struct NoiseModel<'a> {
+    unknown_count: usize,
     rows: &'a [Row],
     sensor_noise: &'a [f64],
     noise: Vec<f64>,
     /// Samples that say as much as one without shared errors, by kind.
     shared: Vec<f64>,
-    values: Vec<f64>,
     rejected: Vec<usize>,
     /// Fewest degrees of freedom that a noise was estimated with; infinite while all are the sensors'.
     freedom: f64,
 }
 
-impl<'a> Fit<'a> {
-    fn new(unknowns: &'a [Unknown], start: &[f64], rows: &'a [Row], sensor_noise: &'a [f64]) -> Self {
+impl Weights for NoiseModel<'_> {
+    fn of(&self, row: usize) -> f64 {
+        let Row { kind, instant, .. } = self.rows[row];
+        if self.rejected.contains(&instant) { 0.0 } else { 1.0 / self.noise[kind] }
+    }
+
+    fn update(&mut self, iteration: usize, before_step: &Linearization) -> bool {
+        let before = self.noise.clone();
+        if iteration < SETTLE_AFTER {
+            self.shared = (0..self.noise.len()).map(|kind| self.samples_for_one(kind, before_step)).collect();
+        }
+        self.noise = self.noise_of(before_step);
+        let settled = before.iter().zip(&self.noise).all(|(a, b)| (a - b).abs() <= 1e-3 * a);
+        settled && iteration >= SETTLE_AFTER
+    }
+}
+
+impl<'a> NoiseModel<'a> {
+    fn new(unknown_count: usize, rows: &'a [Row], sensor_noise: &'a [f64]) -> Self {
         Self {
-            unknowns,
+            unknown_count,
             rows,
             sensor_noise,
             noise: sensor_noise.to_vec(),
             shared: vec![1.0; sensor_noise.len()],
-            values: start.to_vec(),
             rejected: Vec::new(),
             freedom: f64::INFINITY,
         }
     }
 
-    fn weight(&self, row: usize) -> f64 {
-        let Row { kind, instant, .. } = self.rows[row];
-        if self.rejected.contains(&instant) { 0.0 } else { 1.0 / self.noise[kind] }
-    }
-
-    fn linear(&self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<Linear, CalibrationError> {
-        let at = |values: &[f64]| residuals(values).ok_or(CalibrationError::Diverged);
-        let residual = at(&self.values)?;
-        let (n, m) = (self.unknowns.len(), self.rows.len());
-        // Rows of zeros below change nothing, and give the null space where there are fewer rows than unknowns.
-        let mut jacobian = DMatrix::zeros(m.max(n), n);
-        let ahead = |j: usize| {
-            let mut moved = self.values.clone();
-            moved[j] += STEP * self.unknowns[j].plausible;
-            at(&moved)
-        };
-        let ahead: Vec<Vec<f64>> = (0..n).into_par_iter().map(ahead).collect::<Result<_, _>>()?;
-        let weights: Vec<f64> = (0..m).map(|i| self.weight(i)).collect();
-        for (j, ahead) in ahead.iter().enumerate() {
-            for i in 0..m {
-                jacobian[(i, j)] = (residual[i] - ahead[i]) / STEP * weights[i];
-            }
-        }
-        // The singular values of the small triangle are those of the tall matrix.
-        let svd = jacobian.clone().qr().r().svd(false, true);
-        let Some(right) = svd.v_t else { return Err(CalibrationError::Diverged) };
-        let mut left = &jacobian * right.transpose();
-        for (mut column, singular) in left.column_iter_mut().zip(&svd.singular_values) {
-            column /= singular.max(f64::MIN_POSITIVE);
-        }
-        Ok(Linear { residual, jacobian, singular: svd.singular_values.as_slice().to_vec(), right, left })
-    }
-
-    fn converge(&mut self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<(), CalibrationError> {
-        for iteration in 0..MAX_ITERATIONS {
-            let linear = self.linear(residuals)?;
-            let mut weighted = DVector::zeros(linear.jacobian.nrows());
-            for i in 0..self.rows.len() {
-                weighted[i] = linear.residual[i] * self.weight(i);
-            }
-            // The step in standard deviations of the estimate, and in units of what is plausible.
-            let (mut deviations, mut step) = (0.0, vec![0.0; self.unknowns.len()]);
-            for k in 0..linear.singular.len() {
-                let seen = linear.singular[k] * linear.left.column(k).dot(&weighted);
-                let along = (seen + self.off_first_guess(&linear.right, k)) * linear.variance(k);
-                deviations += along * along / linear.variance(k);
-                step.iter_mut().enumerate().for_each(|(j, step)| *step += along * linear.right[(k, j)]);
-            }
-            let largest = self.go(&step, residuals)?;
-            let before = self.noise.clone();
-            if iteration < SETTLE_AFTER {
-                self.shared = (0..self.noise.len()).map(|kind| self.samples_for_one(kind, &linear)).collect();
-            }
-            self.noise = self.noise_of(&linear);
-            let settled = before.iter().zip(&self.noise).all(|(a, b)| (a - b).abs() <= 1e-3 * a);
-            let arrived = largest < 1e-7 || deviations < NEGLIGIBLE * NEGLIGIBLE;
-            if arrived && settled && iteration >= SETTLE_AFTER {
-                return Ok(());
-            }
-        }
-        Err(CalibrationError::Diverged)
-    }
-
-    /// How far the first guess is, in units of what is plausible, along a direction: row `k` of the right singular vectors.
-    fn off_first_guess(&self, right: &DMatrix<f64>, k: usize) -> f64 {
-        let off = |j: usize| (self.unknowns[j].value - self.values[j]) / self.unknowns[j].plausible;
-        (0..self.unknowns.len()).map(|j| right[(k, j)] * off(j)).sum()
-    }
-
-    /// Goes a step, in units of what is plausible, or as much of it as leaves a possible mechanism (no inertia below zero);
-    /// returns the largest part of it.
-    fn go(&mut self, step: &[f64], residuals: &impl Fn(&[f64]) -> Option<Vec<f64>>) -> Result<f64, CalibrationError> {
-        let mut share = 1.0;
-        loop {
-            let parts = self.values.iter().zip(self.unknowns).zip(step);
-            let values: Vec<f64> = parts.map(|((v, unknown), step)| v + share * step * unknown.plausible).collect();
-            let largest = share * step.iter().fold(0.0_f64, |most, part| most.max(part.abs()));
-            if !largest.is_finite() {
-                return Err(CalibrationError::Diverged);
-            }
-            if residuals(&values).is_some() {
-                self.values = values;
-                return Ok(largest);
-            }
-            if largest < 1e-7 {
-                return Ok(0.0);
-            }
-            share *= 0.5;
-        }
-    }
-
     /// Noise of each kind from its residuals and what they kept of their degrees of freedom.
-    fn noise_of(&mut self, linear: &Linear) -> Vec<f64> {
+    fn noise_of(&mut self, linear: &Linearization) -> Vec<f64> {
         let mut squares = vec![0.0; self.sensor_noise.len()];
         let mut freedom = vec![0.0; self.sensor_noise.len()];
-        for (i, row) in self.rows.iter().enumerate().filter(|(i, _)| self.weight(*i) > 0.0) {
+        for (i, row) in self.rows.iter().enumerate().filter(|(i, _)| self.of(*i) > 0.0) {
             let share = |k: usize| linear.left[(i, k)].powi(2) * (1.0 - linear.variance(k));
             let leverage: f64 = (0..linear.singular.len()).map(share).sum();
             squares[row.kind] += linear.residual[i].powi(2);
@@ -187,10 +107,10 @@ impl<'a> Fit<'a> {
     }
 
     /// How many samples of a kind say as much as one that shares no error with its neighbours: 1 or more.
-    fn samples_for_one(&self, kind: usize, linear: &Linear) -> f64 {
+    fn samples_for_one(&self, kind: usize, linear: &Linearization) -> f64 {
         let mut series: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for (i, row) in self.rows.iter().enumerate().filter(|(_, row)| row.kind == kind) {
-            let value = if self.weight(i) > 0.0 { linear.residual[i] } else { 0.0 };
+            let value = if self.of(i) > 0.0 { linear.residual[i] } else { 0.0 };
             series.entry(row.series).or_default().push(value);
         }
         series.retain(|_, values| values.len() >= SHORTEST_SERIES);
@@ -213,14 +133,10 @@ impl<'a> Fit<'a> {
     }
 
     /// Rejects instants far off, by a scale that outliers do not widen; at most a fifth of all.
-    fn reject_outliers(
-        &mut self,
-        residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync),
-    ) -> Result<bool, CalibrationError> {
-        let residual = residuals(&self.values).ok_or(CalibrationError::Diverged)?;
+    fn reject_outliers(&mut self, residual: &[f64]) -> bool {
         let mut worst: Vec<(f64, usize)> = Vec::new();
         for kind in 0..self.noise.len() {
-            let of_kind = || self.rows.iter().zip(&residual).filter(move |(row, _)| row.kind == kind);
+            let of_kind = || self.rows.iter().zip(residual).filter(move |(row, _)| row.kind == kind);
             let mut sizes: Vec<f64> = of_kind().map(|(_, r)| r.abs()).collect();
             if sizes.len() < 8 {
                 continue;
@@ -228,7 +144,7 @@ impl<'a> Fit<'a> {
             sizes.sort_by(f64::total_cmp);
             let scale = (1.4826 * sizes[sizes.len() / 2]).max(1e-9 * self.sensor_noise[kind]);
             // Few rows follow their own outliers and leave small residuals; their median is trusted less.
-            let shrunk = (1.0 - self.unknowns.len() as f64 / self.rows.len() as f64).max(0.3).sqrt();
+            let shrunk = (1.0 - self.unknown_count as f64 / self.rows.len() as f64).max(0.3).sqrt();
             worst.extend(of_kind().map(|(row, r)| (r.abs() / scale * shrunk, row.instant)));
         }
         worst.retain(|(size, _)| *size > OUTLIER);
@@ -239,43 +155,43 @@ impl<'a> Fit<'a> {
                 self.rejected.push(instant);
             }
         }
-        Ok(!self.rejected.is_empty())
+        !self.rejected.is_empty()
     }
 
-    fn finish(self, residuals: &(impl Fn(&[f64]) -> Option<Vec<f64>> + Sync)) -> Result<Estimate, CalibrationError> {
-        let linear = self.linear(residuals)?;
-        let n = self.unknowns.len();
-        let hidden: Vec<usize> = (0..n).filter(|k| !linear.is_seen(*k)).collect();
+    /// The estimate that the problem at its solution makes.
+    fn estimate(self, unknowns: &[Unknown], values: Vec<f64>, linear: &Linearization) -> Estimate {
+        let n = unknowns.len();
+        let hidden: Vec<usize> = (0..n).filter(|k| !linear.is_determined(*k)).collect();
         let share = |j: usize| hidden.iter().map(|k| linear.right[(*k, j)].powi(2)).sum::<f64>().sqrt();
         let variance = |j: usize, part: fn((f64, f64)) -> f64| -> f64 {
-            (0..n).map(|k| linear.right[(k, j)].powi(2) * part(linear.shares(k))).sum()
+            (0..n).map(|k| linear.right[(k, j)].powi(2) * part(linear.variance_shares(k))).sum()
         };
-        let weighted: Vec<f64> = (0..self.rows.len()).map(|i| linear.residual[i] * self.weight(i)).collect();
-        let by_blocks = sandwich::variances(&linear, self.rows, &weighted);
+        let weighted: Vec<f64> = (0..self.rows.len()).map(|i| linear.residual[i] * self.of(i)).collect();
+        let by_blocks = sandwich::variances(linear, self.rows, &weighted);
         let variance = |j: usize| {
             let of_noise = by_blocks.as_ref().map_or(0.0, |v| v[j]).max(variance(j, |shares| shares.0));
             of_noise + variance(j, |shares| shares.1)
         };
         let mut parameters = Vec::new();
         let mut unseen = Vec::new();
-        for (j, unknown) in self.unknowns.iter().enumerate() {
+        for (j, unknown) in unknowns.iter().enumerate() {
             if share(j) > SHARE {
                 unseen.push(unknown.name.clone());
             } else {
                 let std = variance(j).sqrt() * unknown.plausible;
-                parameters.push(Estimated { name: unknown.name.clone(), value: self.values[j], std });
+                parameters.push(Estimated { name: unknown.name.clone(), value: values[j], std });
             }
         }
-        let used = (0..self.rows.len()).filter(|i| self.weight(*i) > 0.0).count();
+        let used = (0..self.rows.len()).filter(|i| self.of(*i) > 0.0).count();
         let rank = linear.rank();
         let residual_std = (0..self.noise.len()).map(|kind| {
-            let of = (0..self.rows.len()).filter(|i| self.rows[*i].kind == kind && self.weight(*i) > 0.0);
+            let of = (0..self.rows.len()).filter(|i| self.rows[*i].kind == kind && self.of(*i) > 0.0);
             let squares: Vec<f64> = of.map(|i| linear.residual[i].powi(2)).collect();
             (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
         });
-        Ok(Estimate {
+        Estimate {
             parameters,
-            undetermined: in_words(self.unknowns, &linear.right, &hidden),
+            undetermined: in_words(unknowns, &linear.right, &hidden),
             undetermined_parameters: unseen,
             rank,
             unknowns: n,
@@ -285,8 +201,8 @@ impl<'a> Fit<'a> {
             noise_degrees_of_freedom: self.freedom,
             degrees_of_freedom: used.saturating_sub(rank),
             rejected: self.rejected,
-            values: self.values,
-        })
+            values,
+        }
     }
 }
 

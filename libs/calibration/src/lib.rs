@@ -1,6 +1,6 @@
 //! Calibration: parameters of the plant from measured runs, with what the data cannot determine said in words.
 //!
-//! - [`solve`]: iterative batch least squares with weights estimated from the residuals, rank and covariance;
+//! - [`solve`]: least squares with the noise estimated from the residuals, rank and covariance;
 //! - [`kinematic`]: link lengths, joint offsets and the first joint's pose from end-effector poses (the paper's section 4.1);
 //! - [`attitude`]: a common inertia of the links from how far the base turned (the paper's section 4.2);
 //! - [`dynamic`]: kinematic and dynamic parameters together from whole trajectories;
@@ -17,16 +17,17 @@
 pub mod attitude;
 mod drift;
 pub mod dynamic;
+mod estimate;
 pub mod kinematic;
-mod least_squares;
-mod linear;
 mod motion;
 pub mod plan;
 mod sandwich;
 mod words;
 pub mod write;
 
-pub use least_squares::solve;
+pub use estimate::solve;
+
+use fss_estimation::least_squares::Diverged;
 
 /// One unknown of a calibration.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +39,9 @@ pub struct Unknown {
     /// Known no better than this, a parameter counts as not determined.
     pub plausible: f64,
 }
+
+/// Autocorrelation is looked for in series of this many samples and more.
+const SHORTEST_SERIES: usize = 12;
 
 /// Observations of one kind share a noise that is estimated from their residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,4 +120,10 @@ pub enum CalibrationError {
     /// The iteration left the numbers that a mechanism can have.
     #[error("the iteration does not converge: the first guess is too far off, or the data are not of this plant")]
     Diverged,
+}
+
+impl From<Diverged> for CalibrationError {
+    fn from(_: Diverged) -> Self {
+        Self::Diverged
+    }
 }

@@ -6,8 +6,8 @@
 //! whatever is shared within a block (Liang and Zeger, Biometrika 73, 1986). Residuals are smaller than errors; blocks are
 //! corrected for it as if errors were white (Bell and McCaffrey, Survey Methodology 28, 2002).
 
-use super::Row;
-use super::linear::{Linear, SHORTEST_SERIES};
+use super::{Row, SHORTEST_SERIES};
+use fss_estimation::least_squares::Linearization;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ const LEAST_LEFT: f64 = 0.1;
 
 /// Variances of all unknowns by the data's noise, in units of what is plausible; none where rows are no series, or too short. `weighted` are the
 /// residuals over their noise.
-pub(super) fn variances(linear: &Linear, rows: &[Row], weighted: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn variances(linear: &Linearization, rows: &[Row], weighted: &[f64]) -> Option<Vec<f64>> {
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
     for row in rows {
         *lengths.entry(row.series).or_default() += 1;

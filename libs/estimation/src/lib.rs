@@ -1,5 +1,6 @@
 //! Estimation: one of each.
 //!
+//! - [`least_squares`]: nonlinear least squares with priors, bounds and robust weights.
 //! - [`Columns`]: time series side by side.
 //! - [`smoothing`]: a motion between sparse measurements.
 //! - [`Whitener`]: a Kalman filter that whitens them.
@@ -7,6 +8,7 @@
 
 mod columns;
 pub mod evidence;
+pub mod least_squares;
 pub mod pattern_search;
 pub mod processes;
 pub mod smoothing;
