@@ -12,7 +12,7 @@ use crate::member::Site;
 use crate::overruns::{Causes, Disturbances, Unexplained};
 use crate::stack::FAULT_EVERY_S;
 use crate::stack::Stack;
-use crate::witness::{Testimony, Witness};
+use crate::witness::{SafetyRecord, Witness};
 use clap::Args;
 use fss_bus::realtime;
 use fss_lab::Faults;
@@ -282,7 +282,7 @@ struct Found {
     freezes: u32,
     rss_growth_bytes: u64,
     shm_growth_bytes: u64,
-    seen: Testimony,
+    seen: SafetyRecord,
 }
 
 impl Soak {

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// What a witness has seen.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Testimony {
+pub(crate) struct SafetyRecord {
     /// The longest that a valve was seen open after the last command that opened it, ns.
     pub open_after_ns: u64,
     /// The same, less the time in which the world stood still meanwhile: what its valves did while they could do anything, ns.
@@ -74,7 +74,7 @@ pub(crate) struct Witness {
     /// The last blow upon each service, ns.
     struck_ns: BTreeMap<String, u64>,
     /// What it has seen so far.
-    pub seen: Testimony,
+    pub seen: SafetyRecord,
 }
 
 impl Witness {
@@ -97,7 +97,7 @@ impl Witness {
             stood_still_ns: 0,
             alive_ns: BTreeMap::new(),
             struck_ns: BTreeMap::new(),
-            seen: Testimony::default(),
+            seen: SafetyRecord::default(),
         })
     }
 
