@@ -4,7 +4,7 @@
 //! effect, without knowing; the diagnosis gets the logs and the vehicle's plant file, nothing else. Then the envelope is opened.
 
 mod answer;
-mod dose;
+mod effect_size;
 mod experiments;
 mod gates;
 mod laboratory;

@@ -1,11 +1,11 @@
 //! `fss next-experiment`: the maneuver that decides best between causes that a diagnosis could not tell apart.
 //!
 //! Every candidate maneuver is flown once with the plant as its file says, to know what it commands. Its commands are then
-//! played on one twin of the laboratory for each cause that is still possible, without noise. What two twins show
+//! played on one simulated laboratory for each cause that is still possible, without noise. What two of them show
 //! differently, over noise and disturbance and with the windows' initial states taken off, is how well that maneuver
 //! separates their causes; the pair that it separates worst counts.
 
-mod twins;
+mod paired_simulation;
 
 use clap::Args;
 use fss_launcher::fast;
@@ -15,10 +15,10 @@ use fss_plant::{Effect, Plant};
 use fss_report::diagnose::answer::{Alternative, Answer, Cause};
 use fss_report::diagnose::log;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use paired_simulation::{Difference, PairedSimulation};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use twins::{Difference, Twins};
 
 /// An alternative less probable than this is decided already.
 const STILL_POSSIBLE: f64 = 0.02;
@@ -158,7 +158,7 @@ fn candidate(
     let commands = log::commands(&path, &believed)?;
     let mut gas_kg = 0.0;
     commands.play(&believed, 0, 1000, |simulation| gas_kg = simulation.gas_used_kg()).into_diagnostic()?;
-    let twins = Twins::new(&believed, vec![commands])?;
+    let paired = PairedSimulation::new(&believed, vec![commands])?;
     let with = |rival: &Effect| -> Plant {
         let mut effects = settled.to_vec();
         effects.push(rival.clone());
@@ -166,10 +166,10 @@ fn candidate(
     };
     let (mut separation, mut farthest_m) = (f64::INFINITY, 0.0_f64);
     for (i, a) in rivals.iter().enumerate() {
-        let baseline = twins.baseline(&with(a))?;
+        let baseline = paired.baseline(&with(a))?;
         for b in &rivals[i + 1..] {
-            let difference: Difference = twins.difference(&with(b), &baseline)?;
-            separation = separation.min(difference.dose_of(&difference.samples()));
+            let difference: Difference = paired.difference(&with(b), &baseline)?;
+            separation = separation.min(difference.effect_size_of(&difference.samples()));
             farthest_m = farthest_m.max(difference.farthest_m());
         }
     }

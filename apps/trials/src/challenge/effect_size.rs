@@ -2,7 +2,7 @@
 //!
 //! What two laboratories show along the same paths differs; a window's unknown initial state takes off what it can. The rest
 //! is divided by the floor of its channel: the sensor's noise and what the room's air does to it. Its RMS over all
-//! experiments, in the channel that shows most, is the *dose*.
+//! experiments, in the channel that shows most, is the *effect size*.
 
 use super::path::{Path, STEP_S, coordinates, farthest_m};
 use super::prediction::{BASE_CHANNELS, END_EFFECTOR_CHANNELS, Shown, WINDOW_STEPS, flown, shown};
@@ -33,12 +33,12 @@ impl Difference {
     }
 
     /// RMS of the channel that shows most.
-    pub(super) fn dose(&self) -> f64 {
-        self.dose_of(&self.samples())
+    pub(super) fn effect_size(&self) -> f64 {
+        self.effect_size_of(&self.samples())
     }
 
     /// The same where `samples` are left of this difference.
-    pub(super) fn dose_of(&self, samples: &[f64]) -> f64 {
+    pub(super) fn effect_size_of(&self, samples: &[f64]) -> f64 {
         let mut rest = samples;
         let mut largest = 0.0_f64;
         for channel in &self.0 {
@@ -263,19 +263,19 @@ mod tests {
     use fss_plant::Effect;
 
     #[test]
-    fn twice_the_effect_is_twice_the_dose_and_a_turn_of_the_whole_camera_frame_is_none() {
+    fn twice_the_effect_is_twice_the_effect_size_and_a_turn_of_the_whole_camera_frame_is_none() {
         let plant = Plant::default_laboratory().unwrap();
         let experiments = of_vehicle(&plant, &["coast".to_owned(), "excitation".to_owned()]).unwrap();
         let yardstick = Yardstick::new(&plant, experiments.iter().map(|e| &e.path).collect()).unwrap();
-        let dose = |effect: Effect| yardstick.difference(&plant.with_effects(&[effect])).unwrap().dose();
+        let size = |effect: Effect| yardstick.difference(&plant.with_effects(&[effect])).unwrap().effect_size();
         for (id, once) in [("table_tilt", [5e-5, 0.0]), ("body_force", [2e-4, 1e-4])] {
             let effect = Effect::new(id).unwrap();
-            let ratio = dose(effect.clone().with(&once.map(|v| 2.0 * v))) / dose(effect.with(&once));
+            let ratio = size(effect.clone().with(&once.map(|v| 2.0 * v))) / size(effect.with(&once));
             assert!((ratio - 2.0).abs() < 0.05, "{id}: {ratio}");
         }
         let friction = Effect::new("joint_viscous_friction").unwrap().at(2).with(&[0.4]);
-        assert!(dose(friction) > 1.0, "friction shows in the currents");
-        assert!(dose(Effect::new("mocap_rotation").unwrap().with(&[0.2])) < 0.05);
-        assert!(dose(Effect::new("marker_yaw").unwrap().with(&[0.01])) > 1.0, "seen against the end-effector");
+        assert!(size(friction) > 1.0, "friction shows in the currents");
+        assert!(size(Effect::new("mocap_rotation").unwrap().with(&[0.2])) < 0.05);
+        assert!(size(Effect::new("marker_yaw").unwrap().with(&[0.01])) > 1.0, "seen against the end-effector");
     }
 }

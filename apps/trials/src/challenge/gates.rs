@@ -1,12 +1,12 @@
 //! The table of the gates: how often the answers were right, over many seeds.
 
 use super::play::Played;
-use super::record::{CLEAR_DOSE, Kind};
+use super::record::{CLEAR_EFFECT_SIZE, Kind};
 use fss_estimation::statistics::median;
 use serde::Serialize;
 use std::ops::RangeInclusive;
 
-/// Doses that count as about 1.
+/// Effect sizes that count as about 1.
 const ABOUT_ONE: std::ops::Range<f64> = 0.7..1.4;
 /// Most members of an undecided set.
 const MOST_MEMBERS: usize = 3;
@@ -110,18 +110,18 @@ fn wilson(hits: usize, n: usize) -> (f64, f64) {
 /// The table of the seeds that were played.
 pub(super) fn table(played: &[&Played]) -> Vec<Gate> {
     let of = |kind: Kind| played.iter().copied().filter(move |p| p.hidden.kind == kind);
-    let has_clear_dose = |p: &&Played| p.hidden.largest_dose() >= CLEAR_DOSE;
-    let clear_one = || of(Kind::One).filter(has_clear_dose);
+    let has_clear_effect = |p: &&Played| p.hidden.largest_effect_size() >= CLEAR_EFFECT_SIZE;
+    let clear_one = || of(Kind::One).filter(has_clear_effect);
     let separable = || clear_one().filter(|p| p.hidden.effects.iter().all(|e| e.is_separable != Some(false)));
     let clear =
-        || played.iter().copied().filter(|p| matches!(p.hidden.kind, Kind::One | Kind::Two)).filter(has_clear_dose);
+        || played.iter().copied().filter(|p| matches!(p.hidden.kind, Kind::One | Kind::Two)).filter(has_clear_effect);
     let errors: Vec<f64> = clear().flat_map(|p| p.score.errors.iter().copied()).collect();
     let ratios: Vec<f64> = clear().filter(|p| p.score.first_is_right).filter_map(|p| p.said.ratio_after).collect();
     let claims: Vec<(f64, bool)> = played.iter().flat_map(|p| p.score.claims.iter().copied()).collect();
     let asserted = |p: &&Played| (0..p.score.asserted).map(|i| i < p.score.asserted_wrongly).collect::<Vec<_>>();
     let sets = clear().flat_map(|p| p.score.sets.iter().map(|(holds, count)| *holds && *count <= MOST_MEMBERS));
-    let about_one = of(Kind::One).filter(|p| ABOUT_ONE.contains(&p.hidden.largest_dose()));
-    let both = of(Kind::Two).filter(|p| p.hidden.smallest_dose() >= CLEAR_DOSE);
+    let about_one = of(Kind::One).filter(|p| ABOUT_ONE.contains(&p.hidden.largest_effect_size()));
+    let both = of(Kind::Two).filter(|p| p.hidden.smallest_effect_size() >= CLEAR_EFFECT_SIZE);
     vec![
         Gate::share("false alarms where nothing is hidden", of(Kind::None).map(|p| p.score.detected), 0.0..=0.01),
         Gate::share("detected, d about 1", about_one.map(|p| p.score.detected), 0.85..=1.0),
@@ -137,7 +137,7 @@ pub(super) fn table(played: &[&Played]) -> Vec<Gate> {
         Gate::share("two effects, both right, d >= 2", both.map(|p| p.score.all_are_right), 0.85..=1.0),
         Gate::share(
             "outside the catalogue, says so, d >= 2",
-            of(Kind::Outside).filter(has_clear_dose).map(|p| p.score.says_unexplained),
+            of(Kind::Outside).filter(has_clear_effect).map(|p| p.score.says_unexplained),
             0.95..=1.0,
         ),
         Gate::share("undecided: the set holds the truth, at most 3", sets, 0.95..=1.0),

@@ -4,10 +4,10 @@ use fss_plant::Effect;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A hidden effect below this dose shows nowhere: whatever is said of it would be a guess.
-pub(super) const VISIBLE_DOSE: f64 = 0.1;
-/// From this dose on an effect must be found.
-pub(super) const CLEAR_DOSE: f64 = 2.0;
+/// A hidden effect smaller than this shows nowhere: whatever is said of it would be a guess.
+pub(super) const VISIBLE_EFFECT_SIZE: f64 = 0.1;
+/// From this size on an effect must be found.
+pub(super) const CLEAR_EFFECT_SIZE: f64 = 2.0;
 
 /// What kind of secret a seed has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -105,11 +105,13 @@ pub(super) struct HiddenEffect {
     /// Values at which it would do nothing.
     pub nominal: BTreeMap<String, f64>,
     /// RMS of what it does to the sensor channel that shows most of it, over noise and room air.
-    pub dose: f64,
+    #[serde(rename = "dose")]
+    pub effect_size: f64,
     /// The same after the plant's uncertain values have taken off what they can within two standard deviations.
-    pub dose_beyond_tolerance: f64,
+    #[serde(rename = "dose_beyond_tolerance")]
+    pub effect_size_beyond_tolerance: f64,
     /// Whether these experiments can tell it from every other effect of the catalogue; asked of single effects with a
-    /// clear dose only.
+    /// clear effect size only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is_separable: Option<bool>,
 }
@@ -132,13 +134,13 @@ pub(super) struct Envelope {
 }
 
 impl Envelope {
-    /// The largest dose that is hidden; 0 where nothing is.
-    pub(super) fn largest_dose(&self) -> f64 {
-        self.effects.iter().map(|effect| effect.dose_beyond_tolerance).fold(0.0, f64::max)
+    /// The largest effect size that is hidden; 0 where nothing is.
+    pub(super) fn largest_effect_size(&self) -> f64 {
+        self.effects.iter().map(|effect| effect.effect_size_beyond_tolerance).fold(0.0, f64::max)
     }
 
-    /// The smallest dose that is hidden; infinite where nothing is.
-    pub(super) fn smallest_dose(&self) -> f64 {
-        self.effects.iter().map(|effect| effect.dose_beyond_tolerance).fold(f64::INFINITY, f64::min)
+    /// The smallest effect size that is hidden; infinite where nothing is.
+    pub(super) fn smallest_effect_size(&self) -> f64 {
+        self.effects.iter().map(|effect| effect.effect_size_beyond_tolerance).fold(f64::INFINITY, f64::min)
     }
 }

@@ -133,8 +133,8 @@ mod tests {
         let effects = effects.iter().map(|(effect, index)| HiddenEffect {
             record: record(effect, *index, 0.7),
             nominal: BTreeMap::from([("scale".to_owned(), 1.0)]),
-            dose: 5.0,
-            dose_beyond_tolerance: 5.0,
+            effect_size: 5.0,
+            effect_size_beyond_tolerance: 5.0,
             is_separable: None,
         });
         let (format, effects) = (String::new(), effects.collect());

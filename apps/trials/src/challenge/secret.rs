@@ -1,8 +1,8 @@
 //! What a seed hides: effects and their sizes.
 
-use super::dose::{Difference, Yardstick};
+use super::effect_size::{Difference, Yardstick};
 use super::path::Path;
-use super::record::{CLEAR_DOSE, Envelope, HiddenEffect, Kind, Record};
+use super::record::{CLEAR_EFFECT_SIZE, Envelope, HiddenEffect, Kind, Record};
 use super::separability::{Tolerances, is_separable};
 use fss_plant::{Effect, Plant, effects};
 use miette::{IntoDiagnostic, Result};
@@ -13,14 +13,14 @@ use std::f64::consts::PI;
 
 /// How often nothing, two effects, and something outside the catalogue is hidden; else it is one effect.
 const SHARES: [f64; 3] = [0.20, 0.15, 0.10];
-/// Doses are drawn between these, evenly in their logarithm.
-const DOSES: (f64, f64) = (0.3, 30.0);
+/// Effect sizes are drawn between these, evenly in their logarithm.
+const EFFECT_SIZES: (f64, f64) = (0.3, 30.0);
 /// No parameter departs further from nominal than this many times its typical size.
 const LARGEST: f64 = 15.0;
 /// Half a table less room for the arm, m.
 const EDGE_M: f64 = 1.9;
-/// Less of a dose than this is none.
-const NO_DOSE: f64 = 1e-3;
+/// An effect smaller than this does nothing.
+const NO_EFFECT_SIZE: f64 = 1e-3;
 /// The random stream of a seed that draws its secret.
 const STREAM: u64 = 3;
 
@@ -59,16 +59,16 @@ pub(super) fn draw(seed: u64, plant: &Plant, is_own_vehicle: bool, paths: Vec<&P
         if effects.iter().any(|other| other.id() == unit.nominal.id()) {
             continue;
         }
-        let wanted = DOSES.0 * (DOSES.1 / DOSES.0).powf(random.random());
+        let wanted = EFFECT_SIZES.0 * (EFFECT_SIZES.1 / EFFECT_SIZES.0).powf(random.random());
         let (effect, difference) = sized(&unit, plant, &yardstick, wanted)?;
         let left = tolerances.take_off(&difference);
-        let dose_beyond_tolerance = difference.dose_of(&left);
-        let is_asked = kind == Kind::One && dose_beyond_tolerance >= CLEAR_DOSE;
+        let effect_size_beyond_tolerance = difference.effect_size_of(&left);
+        let is_asked = kind == Kind::One && effect_size_beyond_tolerance >= CLEAR_EFFECT_SIZE;
         envelope.effects.push(HiddenEffect {
             record: Record::of(&effect),
             nominal: Record::of(&effect.clone().nominal(plant)).parameters,
-            dose: difference.dose(),
-            dose_beyond_tolerance,
+            effect_size: difference.effect_size(),
+            effect_size_beyond_tolerance,
             is_separable: if is_asked { Some(is_separable(&effect, &left, plant, &yardstick)?) } else { None },
         });
         effects.push(effect);
@@ -191,7 +191,7 @@ fn outside(plant: &Plant, random: &mut ChaCha8Rng) -> Unit {
     Unit { nominal, departure: vec![0.01, 0.0, 0.0, 0.0] }
 }
 
-/// The effect at a size that gives it the wanted dose, where that keeps the vehicle on its table; and what it does then.
+/// The effect with the wanted effect size, where that keeps the vehicle on its table; and what it does then.
 fn sized(unit: &Unit, plant: &Plant, yardstick: &Yardstick<'_>, wanted: f64) -> Result<(Effect, Difference)> {
     let largest = unit.largest();
     let mut size = 1.0_f64.min(largest);
@@ -201,10 +201,10 @@ fn sized(unit: &Unit, plant: &Plant, yardstick: &Yardstick<'_>, wanted: f64) -> 
         effect.validate(plant).into_diagnostic()?;
         let laboratory = plant.with_effects(std::slice::from_ref(&effect));
         let difference = yardstick.difference(&laboratory)?;
-        let dose = difference.dose();
-        let is_there = dose < NO_DOSE || (dose / wanted).ln().abs() < 0.2 || trial >= 4;
+        let effect_size = difference.effect_size();
+        let is_there = effect_size < NO_EFFECT_SIZE || (effect_size / wanted).ln().abs() < 0.2 || trial >= 4;
         let is_on_table = yardstick.farthest_m(&laboratory)? < EDGE_M;
-        let towards = (wanted / dose.max(NO_DOSE)).clamp(0.01, 100.0);
+        let towards = (wanted / effect_size.max(NO_EFFECT_SIZE)).clamp(0.01, 100.0);
         let next = (size * if is_on_table { towards } else { towards.min(0.6) }).clamp(unit.smallest(), largest);
         let is_bounded = (next - size).abs() < 1e-3 * size;
         if is_on_table && (is_there || is_bounded) || trial >= 10 {

@@ -4,7 +4,7 @@
 //! effect, within two standard deviations. Then each other effect of the catalogue is moved by its typical size: the share of
 //! the rest that it explains, the squared cosine between the two, says whether it could stand in the hidden one's place.
 
-use super::dose::{Difference, Yardstick};
+use super::effect_size::{Difference, Yardstick};
 use super::record::is_shape;
 use fss_plant::{Effect, Plant, effects};
 use miette::Result;

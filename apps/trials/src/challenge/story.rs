@@ -1,7 +1,7 @@
 //! One game as a story, and the misses of many.
 
 use super::play::{ENVELOPE_FILE, Played};
-use super::record::{CLEAR_DOSE, Kind, VISIBLE_DOSE, short};
+use super::record::{CLEAR_EFFECT_SIZE, Kind, VISIBLE_EFFECT_SIZE, short};
 use std::path::Path;
 
 /// Tells what was said, what was hidden, and how good that is.
@@ -38,7 +38,7 @@ pub(super) fn tell(played: &Played, folder: &Path) {
     }
     for effect in &hidden.effects {
         let note = if effect.is_separable == Some(false) { ", not separable from every other effect" } else { "" };
-        say!("  {}, dose {:.2}{note}", effect.record, effect.dose_beyond_tolerance);
+        say!("  {}, dose {:.2}{note}", effect.record, effect.effect_size_beyond_tolerance);
     }
     say!("\n{}", verdict(played));
     if let Some(error) = score.errors.first() {
@@ -50,7 +50,7 @@ pub(super) fn tell(played: &Played, folder: &Path) {
 /// The judgement, in one or two sentences.
 fn verdict(played: &Played) -> String {
     let Played { hidden, score, .. } = played;
-    let is_visible = hidden.largest_dose() >= VISIBLE_DOSE;
+    let is_visible = hidden.largest_effect_size() >= VISIBLE_EFFECT_SIZE;
     let wrongly = match score.asserted_wrongly {
         0 => String::new(),
         n => format!(" It asserts {n} that is not there."),
@@ -80,8 +80,8 @@ fn is_miss(played: &Played) -> bool {
     let Played { hidden, score, .. } = played;
     score.asserted_wrongly > 0
         || match hidden.kind {
-            _ if hidden.largest_dose() < VISIBLE_DOSE => score.detected,
-            _ if hidden.largest_dose() < CLEAR_DOSE => false,
+            _ if hidden.largest_effect_size() < VISIBLE_EFFECT_SIZE => score.detected,
+            _ if hidden.largest_effect_size() < CLEAR_EFFECT_SIZE => false,
             Kind::Outside => !score.says_unexplained,
             Kind::Two => !score.all_are_right,
             _ => !score.first_is_right,
@@ -95,7 +95,7 @@ pub(super) fn misses(played: &[&Played]) {
     for played in misses {
         let Played { hidden, said, .. } = played;
         let there: Vec<String> =
-            hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.dose_beyond_tolerance)).collect();
+            hidden.effects.iter().map(|e| format!("{}, d {:.1}", e.record, e.effect_size_beyond_tolerance)).collect();
         let named: Vec<String> =
             said.causes.iter().map(|c| format!("{} {:.0} %", c.record, c.probability * 100.0)).collect();
         let or = |list: Vec<String>, none: &str| if list.is_empty() { none.to_owned() } else { list.join(" and ") };

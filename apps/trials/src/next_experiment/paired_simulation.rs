@@ -1,11 +1,11 @@
-//! Twin flights: how much an effect does to the sensors.
+//! Paired simulations: how much an effect does to the sensors.
 //!
 //! The experiments are commanded open loop, so every laboratory is told the same. Their commands are played twice without
 //! noise and with the room's air at rest, with and without the effect. What the measured motion of the arm explains under the
 //! nominal model is taken off each: a joint that moves otherwise because its servo does is seen by its encoder, and is no
 //! effect. So are the torques of a joint at rest, which are those that happened to stick. The difference of what is left is
 //! divided by the sensors' noise; a window's initial state takes off what it can. What remains, as RMS over all runs of the
-//! channel that shows most of it, is the *dose*, over the RMS of noise and of what the room's air does to the same channel.
+//! channel that shows most of it, is the *effect size*, over the RMS of noise and of what the room's air does to the same channel.
 
 use fss_experiments::commands::Commands;
 use fss_multibody::wrapped;
@@ -28,7 +28,7 @@ const FAST_CHANNELS: usize = 7;
 const AT_REST_RAD_S: f64 = 0.03;
 
 /// The experiments, ready to be played on any laboratory of one plant.
-pub(super) struct Twins {
+pub(super) struct PairedSimulation {
     /// As the laboratory believes to be.
     nominal: Plant,
     model: Model,
@@ -62,7 +62,7 @@ impl Difference {
     }
 
     /// RMS of the channel that shows most, where `samples` are what is left of this difference.
-    pub(super) fn dose_of(&self, samples: &[f64]) -> f64 {
+    pub(super) fn effect_size_of(&self, samples: &[f64]) -> f64 {
         let mut rest = samples;
         let mut largest = 0.0_f64;
         for channel in &self.channels {
@@ -77,7 +77,7 @@ impl Difference {
 /// What a laboratory shows without the effects that are asked about.
 pub(super) struct Baseline(Vec<Seen>);
 
-impl Twins {
+impl PairedSimulation {
     /// Of flights on `plant`, whose commands are given.
     ///
     /// # Errors
@@ -91,13 +91,13 @@ impl Twins {
             *sd = sd.max(1e-9);
         }
         let model = plant.model().into_diagnostic()?;
-        let mut twins = Self { nominal: plant.clone(), model, flights, noise, floor: Vec::new() };
-        twins.floor = vec![1.0; twins.noise.len()];
-        let still = twins.baseline(plant)?;
-        let airy = twins.play(&quiet(plant, true))?;
+        let mut paired = Self { nominal: plant.clone(), model, flights, noise, floor: Vec::new() };
+        paired.floor = vec![1.0; paired.noise.len()];
+        let still = paired.baseline(plant)?;
+        let airy = paired.play(&quiet(plant, true))?;
         let rms = |air: &Vec<f64>| (air.iter().map(|d| d * d).sum::<f64>() / air.len().max(1) as f64).sqrt();
-        twins.floor = twins.compare(&still, &airy).channels.iter().map(|air| rms(air).hypot(1.0)).collect();
-        Ok(twins)
+        paired.floor = paired.compare(&still, &airy).channels.iter().map(|air| rms(air).hypot(1.0)).collect();
+        Ok(paired)
     }
 
     /// What the laboratory shows by itself.
