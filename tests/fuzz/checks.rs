@@ -6,7 +6,7 @@ use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::experiment::{Experiment, Table};
 use fss_records::log::Log;
-use fss_wire::{bridge, dsp3000, granite, link, valves, vicon};
+use fss_wire::{bridge, dsp3000, link, shared_table, valves, vicon};
 use std::path::{Path, PathBuf};
 
 /// A reader's name, whose corpus lies in the folder of that name, and what must hold of it.
@@ -45,9 +45,9 @@ pub fn check_bridge(bytes: &[u8]) {
 
 /// The word of another vehicle's laboratory is read, all numbers finite, or refused; what is read is read again as it was.
 pub fn check_granite(datagram: &[u8]) {
-    if let Some(state) = granite::State::decode(datagram) {
+    if let Some(state) = shared_table::State::decode(datagram) {
         assert!(state.pose.iter().chain(&state.velocity).all(|number| number.is_finite()));
-        assert_eq!(granite::State::decode(&state.encode()), Some(state));
+        assert_eq!(shared_table::State::decode(&state.encode()), Some(state));
     }
 }
 

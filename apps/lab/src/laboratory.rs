@@ -5,13 +5,13 @@ use crate::config::{ActiveFaults, FaultKind};
 use crate::devices::camera::Camera;
 use crate::devices::gyro::{self, Gyro};
 use crate::devices::link::Link;
-use crate::granite::Granite;
 use crate::gripper::Gripper;
 use crate::random::{Random, Stream};
+use crate::shared_table::SharedTable;
 use crate::{LabConfig, LabError, truth};
 use fss_messages::TruthState;
 use fss_plant::{Instruments, Plant, Simulation};
-use fss_wire::granite;
+use fss_wire::shared_table;
 use std::net::SocketAddr;
 
 /// The laboratory steps by this much (ns).
@@ -63,7 +63,7 @@ pub struct Laboratory {
     up: Vec<Channel<SocketAddr>>,
     down: Vec<Channel<SocketAddr>>,
     gripper: Option<Gripper>,
-    granite: Granite,
+    shared_table: SharedTable,
     target_mass_kg: Option<f64>,
     traffic: Traffic,
 }
@@ -100,7 +100,7 @@ impl Laboratory {
             valves: 0,
             open: 0,
             gripper: plant.target.as_ref().map(Gripper::new),
-            granite: Granite::default(),
+            shared_table: SharedTable::default(),
             target_mass_kg: plant.target.as_ref().map(|target| target.mass_kg),
             traffic: Traffic::default(),
         })
@@ -152,21 +152,21 @@ impl Laboratory {
     }
 
     /// Takes the word of the laboratory of another vehicle on the same table: that vehicle is this one's target.
-    pub fn hear(&mut self, other: &granite::State) {
-        self.granite.hear(other, self.target_mass_kg);
+    pub fn hear(&mut self, other: &shared_table::State) {
+        self.shared_table.hear(other, self.target_mass_kg);
     }
 
     /// What the laboratory of another vehicle on the same table must know of this one.
-    pub fn tell(&self) -> granite::State {
+    pub fn tell(&self) -> shared_table::State {
         let truth = self.simulation.truth();
-        granite::State {
+        shared_table::State {
             session: self.start_ns,
             time_ns: self.now_ns,
             pose: truth.base_pose,
             velocity: truth.base_velocity,
             mass_kg: self.simulation.model().total_mass_kg(),
             pushed_n_s: self.simulation.pushed_n_s(),
-            taken_n_s: self.granite.taken_n_s(),
+            taken_n_s: self.shared_table.taken_n_s(),
             held: self.simulation.is_grasping().then_some([truth.target_pose, truth.target_velocity]),
         }
     }
@@ -181,7 +181,7 @@ impl Laboratory {
         while self.now_ns + STEP_NS <= time_ns {
             self.move_valves();
             self.drive_links();
-            self.granite.apply(self.now_ns, &mut self.simulation);
+            self.shared_table.apply(self.now_ns, &mut self.simulation);
             self.simulation.step(STEP_NS as f64 * 1e-9);
             self.now_ns += STEP_NS;
             self.move_gripper();
@@ -202,7 +202,7 @@ impl Laboratory {
     /// The gripper at the arm's end does what its link was told.
     fn move_gripper(&mut self) {
         if let (Some(gripper), Some(link), false) =
-            (&mut self.gripper, self.links.last(), self.granite.is_held(self.now_ns))
+            (&mut self.gripper, self.links.last(), self.shared_table.is_held(self.now_ns))
         {
             gripper.step(self.now_ns, link.closes_gripper(), &mut self.simulation);
         }

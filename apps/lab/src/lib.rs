@@ -10,11 +10,11 @@ mod config;
 mod devices;
 mod error;
 mod faults;
-mod granite;
 mod gripper;
 mod laboratory;
 pub mod process;
 mod random;
+mod shared_table;
 mod truth;
 
 pub use channel::Network;

@@ -96,7 +96,7 @@ impl Drop for Driver {
 fn addresses(folder: &Path, vicon: SocketAddr) -> Addresses {
     let any: SocketAddr = "127.0.0.1:0".parse().unwrap();
     let (gyro, valves) = (folder.join("gyro.tty"), folder.join("valves.sock"));
-    Addresses { vicon, gyro, valves, links: vec![any; 4], granite: None }
+    Addresses { vicon, gyro, valves, links: vec![any; 4], shared_table: None }
 }
 
 fn socket() -> UdpSocket {

@@ -199,7 +199,7 @@ pub fn lab(args: &SiteArgs) -> Result<()> {
         gyro: devices.gyro.clone(),
         valves: devices.valves.clone(),
         links: devices.links.clone(),
-        granite: site.launch.granite.map(|granite| [granite.here, granite.there]),
+        shared_table: site.launch.shared_table.map(|table| [table.here, table.there]),
     };
     let mut laboratory = Process::open(site.stack.laboratory(), config, &addresses).into_diagnostic()?;
     let mut truth = Output::open(&site.bus, topic::TRUTH_STATE).into_diagnostic()?;

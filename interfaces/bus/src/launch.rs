@@ -32,8 +32,8 @@ pub struct Launch {
     #[serde(default)]
     pub ground: Option<Ground>,
     /// Where the simulated laboratories of two vehicles on one table hear each other; absent: alone on the table.
-    #[serde(default)]
-    pub granite: Option<Granite>,
+    #[serde(default, rename = "granite")]
+    pub shared_table: Option<SharedTable>,
     /// What passes between this vehicle and others.
     #[serde(default)]
     pub bridge: Option<Bridge>,
@@ -113,7 +113,7 @@ pub struct Ground {
 /// Where the simulated laboratories of two vehicles on one table hear each other.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Granite {
+pub struct SharedTable {
     /// UDP address at which this vehicle's laboratory listens.
     pub here: SocketAddr,
     /// UDP address at which the other one's does, on the same computer.
@@ -250,7 +250,7 @@ impl Launch {
             }
         }
         self.check_origins()?;
-        self.check_granite()?;
+        self.check_shared_table()?;
         self.check_neighbours()
     }
 
@@ -269,11 +269,11 @@ impl Launch {
     }
 
     /// Whether the two laboratories of a table can hear each other.
-    fn check_granite(&self) -> Result<(), LaunchError> {
+    fn check_shared_table(&self) -> Result<(), LaunchError> {
         let refuse = |message: &str, help: &str| {
             Err(LaunchError { message: message.to_owned(), help: help.to_owned(), span: None })
         };
-        match &self.granite {
+        match &self.shared_table {
             Some(_) if self.schedule("lab").is_none() => {
                 refuse("[granite] joins simulated laboratories, and there is none", "remove it: the real table is one")
             }

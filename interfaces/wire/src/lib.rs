@@ -6,7 +6,7 @@
 //! | [`dsp3000`] | fibre-optic gyro KVH DSP-3000 | RS-232, 38400 8N1, ASCII lines |
 //! | [`link`] | one modular arm link | UDP, a datagram of our own |
 //! | [`valves`] | the thruster valves of the simulated laboratory | Unix stream, 8-byte frames |
-//! | [`granite`] | another vehicle's simulated laboratory on the same table | UDP, a datagram of our own |
+//! | [`shared_table`] | another vehicle's simulated laboratory on the same table | UDP, a datagram of our own |
 //! | [`bridge`] | another vehicle | beside each sample over zenoh |
 //!
 //! Each module has an encoder and a decoder, because the laboratory speaks as the device and a service listens. Decoders
@@ -18,7 +18,7 @@
 pub mod bridge;
 mod bytes;
 pub mod dsp3000;
-pub mod granite;
 pub mod link;
+pub mod shared_table;
 pub mod valves;
 pub mod vicon;

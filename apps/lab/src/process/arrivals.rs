@@ -17,7 +17,7 @@ pub(super) enum Line {
     /// What the driver says.
     Valves,
     Gyro,
-    Granite,
+    SharedTable,
     /// Of a link, from 0.
     Link(usize),
 }
@@ -29,7 +29,7 @@ impl Line {
             Line::Drivers => 1,
             Line::Valves => 1 << 1,
             Line::Gyro => 1 << 2,
-            Line::Granite => 1 << 3,
+            Line::SharedTable => 1 << 3,
             Line::Link(link) => 1 << link.saturating_add(4).min(63),
         }
     }

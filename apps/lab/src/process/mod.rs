@@ -5,7 +5,7 @@
 //! does not take is lost, as on a real line. Sockets and links in the file system vanish with it.
 
 mod arrivals;
-mod granite_line;
+mod table_line;
 mod terminal;
 mod valve_line;
 
@@ -15,10 +15,10 @@ use arrivals::{Arrivals, Line};
 use fss_bus::{Time, realtime};
 use fss_messages::TruthState;
 use fss_plant::Plant;
-use granite_line::GraniteLine;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use table_line::TableLine;
 use terminal::Terminal;
 use valve_line::ValveLine;
 
@@ -40,7 +40,7 @@ pub struct Addresses {
     /// Where each link listens, link 1 first; with port 0 the system chooses one.
     pub links: Vec<SocketAddr>,
     /// Where this laboratory listens to that of another vehicle on the same table, and where the other one listens.
-    pub granite: Option<[SocketAddr; 2]>,
+    pub shared_table: Option<[SocketAddr; 2]>,
 }
 
 /// How one step of the loop kept its time.
@@ -63,7 +63,7 @@ pub struct Process {
     arrivals: Arrivals,
     ports: Ports,
     valve_line: ValveLine,
-    granite_line: Option<GraniteLine>,
+    table_line: Option<TableLine>,
     next_truth_ns: u64,
 }
 
@@ -95,17 +95,17 @@ impl Process {
         };
         let arrivals = Arrivals::new()?;
         let valve_line = ValveLine::open(&addresses.valves, &arrivals)?;
-        let granite_line = addresses.granite.map(|[here, there]| GraniteLine::open(here, there)).transpose()?;
+        let table_line = addresses.shared_table.map(|[here, there]| TableLine::open(here, there)).transpose()?;
         arrivals.watch(ports.gyro.line(), Line::Gyro).map_err(LabError::Watch)?;
         for (link, socket) in ports.links.iter().enumerate() {
             arrivals.watch(socket, Line::Link(link)).map_err(LabError::Watch)?;
         }
-        if let Some(line) = &granite_line {
-            arrivals.watch(line.socket(), Line::Granite).map_err(LabError::Watch)?;
+        if let Some(line) = &table_line {
+            arrivals.watch(line.socket(), Line::SharedTable).map_err(LabError::Watch)?;
         }
         let start_ns = realtime::now()?.ns();
         let laboratory = Laboratory::new(plant, config, start_ns)?;
-        Ok(Self { laboratory, arrivals, ports, valve_line, granite_line, next_truth_ns: start_ns })
+        Ok(Self { laboratory, arrivals, ports, valve_line, table_line, next_truth_ns: start_ns })
     }
 
     /// The laboratory inside.
@@ -134,13 +134,13 @@ impl Process {
                 laboratory.command_link(link, from, buffer.get(..len).unwrap_or_default());
             }
         }
-        if arrivals.came_on(Line::Granite)
-            && let Some(other) = self.granite_line.as_ref().and_then(GraniteLine::hear)
+        if arrivals.came_on(Line::SharedTable)
+            && let Some(other) = self.table_line.as_ref().and_then(TableLine::hear)
         {
             laboratory.hear(&other);
         }
         laboratory.step_to(now.ns(), &mut self.ports);
-        if let Some(line) = &self.granite_line {
+        if let Some(line) = &self.table_line {
             line.tell(&laboratory.tell());
         }
     }

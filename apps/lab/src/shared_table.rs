@@ -5,7 +5,7 @@
 //! is a rigid body with the mass and inertia of this plant's `[target]`: its thrust and what its arm does move nothing meanwhile.
 
 use fss_plant::Simulation;
-use fss_wire::granite::State;
+use fss_wire::shared_table::State;
 
 /// A word that is older does not count: the other vehicle floats on as it moved, ns.
 const STALE_NS: u64 = 100_000_000;
@@ -14,13 +14,13 @@ const MASS_TOLERANCE: f64 = 0.01;
 
 /// The other vehicle, as it was last heard of.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Granite {
+pub(crate) struct SharedTable {
     other: Option<State>,
     /// The sum of its pushes that this vehicle has come to (N s).
     taken_n_s: [f64; 2],
 }
 
-impl Granite {
+impl SharedTable {
     /// Takes the other laboratory's word; `target_mass_kg` is what this plant believes of the other vehicle.
     pub(crate) fn hear(&mut self, other: &State, target_mass_kg: Option<f64>) {
         if self.other.is_none_or(|known| known.session != other.session) {

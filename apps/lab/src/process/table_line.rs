@@ -2,7 +2,7 @@
 
 use super::bind;
 use crate::LabError;
-use fss_wire::granite::{STATE_LEN, State};
+use fss_wire::shared_table::{STATE_LEN, State};
 use std::net::{SocketAddr, UdpSocket};
 
 /// Most datagrams read in one step: the other laboratory sends one a millisecond.
@@ -10,12 +10,12 @@ const MAX_STATES_PER_STEP: usize = 256;
 
 /// One end of the line.
 #[derive(Debug)]
-pub(super) struct GraniteLine {
+pub(super) struct TableLine {
     socket: UdpSocket,
     there: SocketAddr,
 }
 
-impl GraniteLine {
+impl TableLine {
     /// Listens `here` to the laboratory that listens `there`.
     pub(super) fn open(here: SocketAddr, there: SocketAddr) -> Result<Self, LabError> {
         Ok(Self { socket: bind(here, "the other vehicle's laboratory".to_owned())?, there })
