@@ -50,6 +50,15 @@ fn a_parameter_stops_at_its_bound_and_the_others_take_the_best_values_given_it()
 }
 
 #[test]
+fn a_parameter_at_a_bound_needs_no_residuals_beyond_it() {
+    // The data ask for 2; beyond 1 there are none.
+    let residuals = |x: &[f64]| (x[0] <= 1.0).then(|| vec![2.0 - x[0], 2.0 - x[0]]);
+    let parameter = Parameter::new(0.0, WIDE).within(-1.0, 1.0);
+    let values = solve(&[parameter], &[0.0], &mut Fixed(vec![1.0; 2]), &residuals).unwrap();
+    assert!((values[0] - 1.0).abs() < 1e-12, "{values:?}");
+}
+
+#[test]
 fn hubers_weights_let_an_outlier_pull_a_mean_no_further_than_the_threshold() {
     // Ten samples of 3 and one far off: a sum of clipped residuals of 0 gives 10 (m - 3) = threshold.
     let mut samples = vec![3.0; 10];

@@ -1,7 +1,7 @@
 //! The answer as JSON, `fss-diagnosis/1`: written by `fss diagnose`, and read by what goes on from it.
 //!
-//! What is missing in a file has its default, but for causes, their effects and their probabilities. A number that is not
-//! finite is written as `null` and read as NaN.
+//! What is missing in a file has its default, but for causes, their effects, values and probabilities. A figure of the misfit that is
+//! not finite is written as `null` and read as NaN; a cause without a number for its value or probability is refused.
 
 mod of_diagnosis;
 
@@ -77,7 +77,6 @@ pub type Parameters = BTreeMap<String, Parameter>;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Parameter {
     /// The value.
-    #[serde(deserialize_with = "number")]
     pub value: f64,
     /// Its standard deviation, where it was fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -116,7 +115,6 @@ pub struct Alternative {
     #[serde(flatten)]
     pub name: EffectName,
     /// Its probability.
-    #[serde(deserialize_with = "number")]
     pub probability: f64,
     /// Whether the data cannot tell it from the cause at all.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -305,6 +303,8 @@ mod tests {
         let effect = answer.causes[0].effect().unwrap();
         assert_eq!((effect.id(), effect.index(), effect.onset_s()), ("thruster_gain", Some(3), Some(4.0)));
         assert!(answer.causes[0].alternatives[0].equivalent);
+        let refused = text.replace("0.7", "null");
+        assert!(serde_json::from_str::<Answer>(&refused).is_err(), "a cause without a value is no cause");
         assert!(answer.misfit[0].rms.is_nan() && answer.gain.ratio_before.is_none() && answer.verdict.is_empty());
     }
 }

@@ -36,16 +36,18 @@ impl Linearization {
         let (n, m) = (parameters.len(), residual.len());
         // Rows of zeros below change nothing, and give the null space where there are fewer rows than parameters.
         let mut jacobian = DMatrix::zeros(m.max(n), n);
+        // Beyond a bound there may be nothing to compare with: there the difference is taken backwards.
+        let step = |j: usize| if values[j] + STEP * parameters[j].std > parameters[j].high { -STEP } else { STEP };
         let ahead = |j: usize| {
             let mut moved = values.to_vec();
-            moved[j] += STEP * parameters[j].std;
+            moved[j] += step(j) * parameters[j].std;
             residuals(&moved).ok_or(Diverged)
         };
         let ahead: Vec<Vec<f64>> = (0..n).into_par_iter().map(ahead).collect::<Result<_, _>>()?;
         let weights: Vec<f64> = (0..m).map(weight).collect();
         for (j, ahead) in ahead.iter().enumerate() {
             for i in 0..m {
-                jacobian[(i, j)] = (residual[i] - ahead[i]) / STEP * weights[i];
+                jacobian[(i, j)] = (residual[i] - ahead[i]) / step(j) * weights[i];
             }
         }
         // The singular values of the small triangle are those of the tall matrix.
