@@ -12,6 +12,7 @@
 //! state (p_x v_x p_y v_y theta L f_x f_y tau): deviations of X, theta and L, and a coloured force and torque on the base's
 //! origin; besides white force and torque, and where there is an arm, errors of its momentum and centre of mass.
 
+mod joint_motion;
 mod missing;
 mod noise_model;
 mod prediction;
@@ -19,10 +20,12 @@ mod samples;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
+use crate::servo_response::{self, GainSlope, Nodes, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant, Pulse, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, Servo, ValveHistory};
+use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::Predictor;
 use samples::Samples;
@@ -33,12 +36,17 @@ const SHORTEST_S: f64 = 0.5;
 const LONGEST_CELL_S: f64 = 0.02;
 const TURN_PER_CELL_RAD: f64 = 0.02;
 const SHORTEST_CELL_S: f64 = 0.001;
+/// And where servos settle after each datagram.
+const SERVO_CELL_S: f64 = 0.005;
 
 /// Pose and rate of a floating base in one run.
 pub struct BaseBlock {
     samples: Samples,
     predictor: Predictor,
     noise: NoiseModel,
+    /// Gains with which the joints' path was computed, and what others change.
+    servos: Vec<Servo>,
+    by_gain: Vec<GainSlope>,
 }
 
 impl BaseBlock {
@@ -56,18 +64,38 @@ impl BaseBlock {
         if last - first < SHORTEST_S {
             return Ok(None);
         }
-        let grid = TimeGrid::over(first, last, cell_s(&samples));
+        let longest_s = if datagrams(plant, run).is_some() { SERVO_CELL_S } else { LONGEST_CELL_S };
+        let grid = TimeGrid::over(first, last, cell_s(&samples).min(longest_s));
         let pose = PosePath::smoothed(&samples.block_times(), &samples.block_poses(), samples.block_sd(), grid);
-        let encoders = EncoderPath::smoothed(run, &plant.sensors, plant.link_count(), grid);
+        let encoders = EncoderPath::smoothed(run, plant, grid);
         // A drive follows its command to hundredths of a radian, which the base notices: such a run tells nothing.
         if encoders.moves_unseen {
             return Ok(None);
         }
         let valves = ValveHistory::new(run.thrust_levels.clone());
         let predictor = Predictor::new(pose, encoders, valves);
-        let noise = NoiseModel::new(plant, run, &samples, &predictor)?;
-        Ok(Some(Self { samples, predictor, noise }))
+        let physics = Physics::with(plant, &plant.effects);
+        let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
+        let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
+        let by_gain = gain_slopes(&predictor, &samples, &beside);
+        let noise = NoiseModel::new(plant, run, &samples, &predictor, &beside)?;
+        let servos = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
+        Ok(Some(Self { samples, predictor, noise, servos, by_gain }))
     }
+}
+
+/// What the rows change by with the logarithm of each gain of each joint's servo.
+fn gain_slopes(predictor: &Predictor, samples: &Samples, beside: &JointMotion) -> Vec<GainSlope> {
+    let grid = predictor.encoders.grid;
+    let by_gain = predictor.encoders.response.as_ref().map_or(&[][..], |response| &response.by_gain);
+    let of = |(gain, joints): (usize, &Vec<Nodes>)| -> Vec<GainSlope> {
+        let slope = |(joint, nodes): (usize, &Nodes)| {
+            let of_row = beside.rows(samples, joint, |t_s| grid.between(nodes, t_s));
+            GainSlope { gain, joint, of_row }
+        };
+        joints.iter().enumerate().map(slope).collect()
+    };
+    by_gain.iter().enumerate().flat_map(of).collect()
 }
 
 /// Cells in which the heading turns little.
@@ -85,7 +113,9 @@ impl Block for BaseBlock {
 
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let motion = self.predictor.motion(plant, effects)?;
-        Ok(self.samples.read(&motion))
+        let mut rows = self.samples.read(&motion);
+        servo_response::tune(plant, &self.servos, &self.by_gain, &mut rows);
+        Ok(rows)
     }
 
     fn missing_pulses(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<(Pulse, Vec<f64>)>, ModelError> {

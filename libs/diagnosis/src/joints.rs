@@ -24,7 +24,6 @@ mod mechanics;
 mod noise;
 mod path;
 mod process;
-mod response;
 mod rows;
 mod servos;
 mod smoother;
@@ -32,6 +31,7 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
+use crate::servo_response::{arrival_time, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
@@ -159,7 +159,7 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> N
         activity,
         interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
-        arrival_s: servos::datagrams(plant, run).map(servos::arrival_time),
+        arrival_s: datagrams(plant, run).map(arrival_time),
     }
 }
 

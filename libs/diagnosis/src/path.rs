@@ -1,10 +1,11 @@
 //! The measured path of a run: smooth motion of base and joints, from the sensors alone. No plant plays a part in it, so that
 //! deviations from it stay small however large a fault is.
 
+use crate::servo_response::{self, Response, datagrams};
 use fss_estimation::smoothing::{Measurement, Noise, Smoothed, smooth};
 use fss_experiments::measured::{Many, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
-use fss_plant::{Physics, Sensors, Stream};
+use fss_plant::{Physics, Plant, Sensors, Stream};
 
 /// Times at equal distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +33,13 @@ impl TimeGrid {
     pub(crate) fn locate(&self, t_s: f64) -> (usize, f64) {
         let cell = ((t_s - self.start_s) / self.step_s).floor().clamp(0.0, self.cells as f64 - 1.0) as usize;
         (cell, t_s - self.edge_s(cell))
+    }
+
+    /// Angle and rate at a time between edges, linear.
+    pub(crate) fn between(&self, nodes: &[[f64; 3]], t_s: f64) -> [f64; 2] {
+        let (k, into_s) = self.locate(t_s);
+        let (from, to, share) = (nodes[k], nodes[k + 1], into_s / self.step_s);
+        std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
     }
 }
 
@@ -104,14 +112,20 @@ pub(crate) struct EncoderPath {
     /// Standard deviations of both, as the smoother gives them.
     pub(crate) angle_sd: Vec<JointVector>,
     pub(crate) rate_sd: Vec<JointVector>,
+    /// What the plant's servos make of the datagrams; `None` without any.
+    pub(crate) response: Option<Response>,
     /// Whether a joint was told to move that nobody measured.
     pub(crate) moves_unseen: bool,
 }
 
 impl EncoderPath {
-    /// Between two reports a joint deviates smoothly from its command; without reports it follows its command.
-    pub(crate) fn smoothed(run: &Run, sensors: &Sensors, joints: usize, grid: TimeGrid) -> Self {
+    /// Between two reports a joint deviates smoothly from what it follows; without reports it follows that.
+    /// What it follows is what the plant's servos make of the datagrams that they got, or where there are none the command, the
+    /// servo's mean lag taken off.
+    pub(crate) fn smoothed(run: &Run, plant: &Plant, grid: TimeGrid) -> Self {
+        let (sensors, joints) = (&plant.sensors, plant.link_count());
         let edges = grid.edges_s();
+        let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &edges).ok());
         let zeros = vec![JointVector::zeros(); edges.len()];
         let mut path = Self {
             grid,
@@ -119,12 +133,14 @@ impl EncoderPath {
             rate: zeros.clone(),
             angle_sd: zeros.clone(),
             rate_sd: zeros,
+            response,
             moves_unseen: false,
         };
         for joint in 0..joints.min(MAX_LINKS) {
             let told = |t: f64| run.joint_command.as_ref().and_then(|c| command_at(c, joint, t)).unwrap_or([0.0; 2]);
-            let lag_s = servo_lag_s(run, joint, &told);
-            let command = |t: f64| told(t - lag_s);
+            let simulated = path.response.as_ref().map(|response| &response.nominal[joint]);
+            let lag_s = if simulated.is_some() { 0.0 } else { servo_lag_s(run, joint, &told) };
+            let command = |t: f64| simulated.map_or_else(|| told(t - lag_s), |nodes| grid.between(nodes, t));
             let reports = reports(run, joint, &command);
             let deviation = smooth(&reports, noise(sensors), &edges);
             for (k, t) in edges.iter().enumerate() {

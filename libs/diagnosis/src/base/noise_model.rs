@@ -1,22 +1,25 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
-use super::prediction::{Predictor, joints_only};
+use super::joint_motion::JointMotion;
+use super::prediction::Predictor;
 use super::samples::Samples;
 use crate::block::{HyperParameter, Strength};
+use crate::servo_response::{ARRIVAL_SD_S, Nodes, arrival_time, datagrams};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Columns, Step, Whitener};
 use fss_experiments::measured::Run;
-use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
+use fss_multibody::{MAX_LINKS, ModelError};
 use fss_plant::{Physics, Plant};
 
 /// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
 const BODY: usize = 9;
-/// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
-const ARM: usize = 3;
+/// And of an arm, of unit variance each: what the errors of its angles turn the base by, the rate of that, and how far they move
+/// the centre of mass along x and y.
+const ARM: usize = 4;
+/// And of an arm that datagrams command: how late they arrive, and how far it is displaced.
+const ARRIVAL: usize = 2;
 /// Variances of what is not known at the start: place (m^2) or heading (rad^2), speed (m^2/s^2), rate (rad^2/s^2).
 const START: [f64; 3] = [1e2, 1.0, 10.0];
-/// Interval of telemetry that is assumed where none came (s).
-const SLOW_TELEMETRY_S: f64 = 0.2;
 /// Correlation times of a disturbance that make sense: shorter is white, longer is steady (s).
 const CORRELATION_S: [f64; 2] = [0.1, 10.0];
 
@@ -27,10 +30,38 @@ pub(super) struct NoiseModel {
     moments: Vec<(f64, [f64; 2], f64)>,
     /// Rows of each block: the standard deviation of each (x, y, heading, and the gyro's).
     rows: Vec<Vec<f64>>,
-    /// Of the arm: correlation time of the errors of its path (s), and for each block the standard deviations that they give to
-    /// its angular momentum (kg m^2/s) and to its centre of mass (m).
-    arm: Option<(f64, Vec<[f64; 2]>)>,
+    arm: Option<ArmErrors>,
+    arrivals: Option<Arrivals>,
     gyro_walk: f64,
+}
+
+/// Errors of the arm's path, as its smoother gives them. Reports bound the errors of its angles, so that what these turn the base
+/// by is a stationary process of the second order, critically damped: a'' = -2 a'/T - a/T^2 + white noise.
+struct ArmErrors {
+    /// T: standard deviation of the turn over that of its rate (s).
+    time_s: f64,
+    /// Standard deviations at each block.
+    sds: Vec<ArmSd>,
+}
+
+/// What the errors of the arm's path do.
+#[derive(Clone, Copy, Default)]
+struct ArmSd {
+    /// To the heading (rad) and its rate (rad/s).
+    turn_rad: f64,
+    rate_rad_s: f64,
+    /// To the centre of mass (m).
+    shift_m: f64,
+}
+
+/// Datagrams arrive earlier or later than they are taken to: by u standard deviations, an Ornstein-Uhlenbeck process. A servo
+/// whose commanded motion begins later is displaced along it, by x: x' = (u - x) g, with g the gain of the position loop.
+struct Arrivals {
+    /// Correlation time of u (s), and 1/g (s).
+    time_s: f64,
+    lag_s: f64,
+    /// What a displacement of one standard deviation of the arrival turns the base by, at each block (rad).
+    turn_rad: Vec<f64>,
 }
 
 /// A step's matrices, n x n, row-major.
@@ -40,7 +71,13 @@ struct Dense {
 }
 
 impl NoiseModel {
-    pub(super) fn new(plant: &Plant, run: &Run, samples: &Samples, predictor: &Predictor) -> Result<Self, ModelError> {
+    pub(super) fn new(
+        plant: &Plant,
+        run: &Run,
+        samples: &Samples,
+        predictor: &Predictor,
+        beside: &JointMotion,
+    ) -> Result<Self, ModelError> {
         let physics = Physics::with(plant, &plant.effects);
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let moment = |t_s: f64| {
@@ -59,7 +96,8 @@ impl NoiseModel {
             }
         }
         let times = samples.block_times();
-        let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
+        let arm = (plant.link_count() > 0).then(|| arm_errors(plant.link_count(), predictor, beside, &times));
+        let arrivals = datagrams(plant, run).and_then(|c| arrivals(plant, arrival_time(c), predictor, beside, &times));
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
             hyper_parameters: hyper_parameters(plant, carriage.inertia_kg_m2[0]),
@@ -67,12 +105,17 @@ impl NoiseModel {
             moments: times.into_iter().map(moment).collect(),
             rows,
             arm,
+            arrivals,
             gyro_walk: walk * walk,
         })
     }
 
     fn states(&self) -> usize {
-        BODY + if self.arm.is_some() { ARM } else { 0 } + usize::from(self.gyro_walk > 0.0)
+        self.first_arrival() + if self.arrivals.is_some() { ARRIVAL } else { 0 } + usize::from(self.gyro_walk > 0.0)
+    }
+
+    fn first_arrival(&self) -> usize {
+        BODY + if self.arm.is_some() { ARM } else { 0 }
     }
 
     /// Root of the spectral density at low frequency of force and torque, coloured and white together, and the expected one.
@@ -103,7 +146,7 @@ impl NoiseModel {
         let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(3));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
-            let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
+            let arm = self.arm.as_ref().and_then(|arm| arm.sds.get(block)).copied().unwrap_or_default();
             if let Some(before) = block.checked_sub(1) {
                 self.step(&h, before, &mut dense);
                 step.set_dense(n, &dense.transition, &dense.noise);
@@ -117,10 +160,21 @@ impl NoiseModel {
                     2 => (4, 1.0),
                     _ => (5, 1.0 / moment.2),
                 });
-                match channel {
-                    0 | 1 if self.arm.is_some() => states.push((10 + channel, shift_sd)),
-                    3 if self.arm.is_some() => states.push((9, -momentum_sd / moment.2)),
-                    _ => {}
+                if self.arm.is_some() {
+                    let (state, sd) = match channel {
+                        0 | 1 => (BODY + 2 + channel, arm.shift_m),
+                        2 => (BODY, arm.turn_rad),
+                        _ => (BODY + 1, arm.rate_rad_s),
+                    };
+                    states.push((state, h.arm * sd));
+                }
+                if let Some(arrivals) = &self.arrivals {
+                    let (turn, u) = (arrivals.turn_rad[block], self.first_arrival());
+                    match channel {
+                        2 => states.push((u + 1, turn)),
+                        3 => states.extend([(u, turn / arrivals.lag_s), (u + 1, -turn / arrivals.lag_s)]),
+                        _ => {}
+                    }
                 }
                 if channel == 3 && self.gyro_walk > 0.0 {
                     states.push((n - 1, 1.0));
@@ -141,13 +195,12 @@ impl NoiseModel {
         let mut initial = vec![0.0; n * n];
         let arm = [1.0; ARM].into_iter().filter(|_| self.arm.is_some());
         body.into_iter().chain(arm).enumerate().for_each(|(i, variance)| initial[i * n + i] = variance);
+        if let Some(arrivals) = &self.arrivals {
+            let u = self.first_arrival();
+            let stationary = arrivals.stationary();
+            (0..2).for_each(|i| (0..2).for_each(|j| initial[(u + i) * n + u + j] = stationary[i][j]));
+        }
         initial
-    }
-
-    /// What the errors of the arm's path give to its angular momentum and to its centre of mass at a block.
-    fn arm_sd(&self, h: &Hyper, block: usize) -> [f64; 2] {
-        let of = self.arm.as_ref().and_then(|(_, sds)| sds.get(block));
-        of.map_or([0.0; 2], |sds| sds.map(|sd| h.arm * sd))
     }
 
     /// From a block to the next.
@@ -193,26 +246,64 @@ impl NoiseModel {
                 (0..6).for_each(|j| step.noise[i * n + j] += variance * onto[i] * onto[j]);
             }
         }
-        self.add_arm(h, block, dt, inertia, step);
+        self.add_arm(dt, step);
+        self.add_arrivals(dt, step);
         if self.gyro_walk > 0.0 {
             step.noise[n * n - 1] += self.gyro_walk * dt;
         }
     }
 
-    /// Errors of the arm's path, of unit variance: of its momentum, which turns the base the other way, and of its place.
-    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Dense) {
-        let Some((correlation_s, _)) = self.arm else { return };
+    /// Errors of the arm's path, of unit variance.
+    fn add_arm(&self, dt: f64, step: &mut Dense) {
+        let Some(arm) = &self.arm else { return };
         let n = self.states();
-        let momentum = 0.5 * (self.arm_sd(h, block)[0] + self.arm_sd(h, block + 1)[0]);
-        let singer = SingerStep::new(dt, correlation_s);
-        step.transition[4 * n + 9] = -singer.velocity * momentum / inertia;
-        step.transition[9 * n + 9] = singer.decay;
-        let onto = [(4, [0.0, -momentum / inertia, 0.0]), (9, [0.0, 0.0, 1.0])];
-        add_noise(&mut step.noise, n, &onto, &singer.noise, 1.0);
-        for state in [10, 11] {
-            step.transition[state * n + state] = singer.decay;
-            step.noise[state * n + state] += singer.noise[2][2];
+        let x = dt / arm.time_s;
+        let decay = (-x).exp();
+        let turn = [[decay * (1.0 + x), decay * x], [-decay * x, decay * (1.0 - x)]];
+        for i in 0..2 {
+            for j in 0..2 {
+                let carried: f64 = (0..2).map(|k| turn[i][k] * turn[j][k]).sum();
+                step.transition[(BODY + i) * n + BODY + j] = turn[i][j];
+                step.noise[(BODY + i) * n + BODY + j] += f64::from(u8::from(i == j)) - carried;
+            }
         }
+        for state in [BODY + 2, BODY + 3] {
+            step.transition[state * n + state] = decay;
+            step.noise[state * n + state] += 1.0 - decay * decay;
+        }
+    }
+
+    fn add_arrivals(&self, dt: f64, step: &mut Dense) {
+        let Some(arrivals) = &self.arrivals else { return };
+        let (n, u) = (self.states(), self.first_arrival());
+        let (transition, noise) = arrivals.step(dt);
+        for i in 0..2 {
+            for j in 0..2 {
+                step.transition[(u + i) * n + u + j] = transition[i][j];
+                step.noise[(u + i) * n + u + j] += noise[i][j];
+            }
+        }
+    }
+}
+
+impl Arrivals {
+    /// Stationary covariance of u and x.
+    fn stationary(&self) -> [[f64; 2]; 2] {
+        let shared = self.time_s / (self.time_s + self.lag_s);
+        [[1.0, shared], [shared, shared]]
+    }
+
+    /// Transition and covariance of the noise over a time.
+    fn step(&self, dt: f64) -> ([[f64; 2]; 2], [[f64; 2]; 2]) {
+        let (u, x) = ((-dt / self.time_s).exp(), (-dt / self.lag_s).exp());
+        let gap = 1.0 / self.lag_s - 1.0 / self.time_s;
+        // (u - x)/gap, whose limit at equal times is dt x.
+        let pulled = if (gap * dt).abs() < 1e-6 { dt * x } else { (u - x) / gap } / self.lag_s;
+        let (f, p) = ([[u, 0.0], [pulled, x]], self.stationary());
+        let carried = |i: usize, j: usize| -> f64 {
+            (0..2).flat_map(|k| (0..2).map(move |l| (k, l))).map(|(k, l)| f[i][k] * p[k][l] * f[j][l]).sum()
+        };
+        (f, std::array::from_fn(|i| std::array::from_fn(|j| p[i][j] - carried(i, j))))
     }
 }
 
@@ -231,34 +322,36 @@ fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64;
     }
 }
 
-/// Correlation time of the errors of the arm's path, half of telemetry's median interval, and what they do at each block: the
-/// smoother's standard deviations, carried through the angular momentum of each joint's rate and the shift by each angle.
-fn arm_errors(
-    physics: &Physics,
-    run: &Run,
-    predictor: &Predictor,
-    times: &[f64],
-) -> Result<(f64, Vec<[f64; 2]>), ModelError> {
-    let mut gaps: Vec<f64> =
-        run.joints.as_ref().map_or_else(Vec::new, |j| j.t_s.windows(2).map(|w| w[1] - w[0]).collect());
-    gaps.sort_by(f64::total_cmp);
-    let interval_s = gaps.get(gaps.len() / 2).copied().unwrap_or(SLOW_TELEMETRY_S).max(1e-3);
-    let (model, carriage) = (physics.model(0.0)?, predictor.carriage(physics)?);
+/// What the smoother's standard deviations of angles and rates do at each block.
+fn arm_errors(joints: usize, predictor: &Predictor, beside: &JointMotion, times: &[f64]) -> ArmErrors {
     let path = &predictor.encoders;
     let at = |t_s: &f64| {
         let (k, _) = path.grid.locate(*t_s);
-        let (mut momentum, mut shift) = (0.0, 0.0);
-        for joint in 0..physics.links.len().min(MAX_LINKS) {
-            let mut unit = JointVector::zeros();
-            unit[joint] = 1.0;
-            let q = joints_only(&carriage.samples[k].q_rad);
-            let moving = model.momentum(&State { q, v: joints_only(&unit) });
-            momentum += (moving.angular_about_com * path.rate_sd[k][joint]).powi(2);
-            shift += (moving.linear.norm() / carriage.mass_kg * path.angle_sd[k][joint]).powi(2);
+        let (mut turn, mut rate, mut shift) = (0.0, 0.0, 0.0);
+        for joint in 0..joints.min(MAX_LINKS) {
+            let [x, y, turns] = beside.at(*t_s, joint);
+            turn += (turns * path.angle_sd[k][joint]).powi(2);
+            rate += (turns * path.rate_sd[k][joint]).powi(2);
+            shift += (x.hypot(y) * path.angle_sd[k][joint]).powi(2);
         }
-        [momentum.sqrt(), shift.sqrt()]
+        ArmSd { turn_rad: turn.sqrt(), rate_rad_s: rate.sqrt(), shift_m: shift.sqrt() }
     };
-    Ok((0.5 * interval_s, times.iter().map(at).collect()))
+    let sds: Vec<ArmSd> = times.iter().map(at).collect();
+    let square = |of: fn(&ArmSd) -> f64| sds.iter().map(|sd| of(sd).powi(2)).sum::<f64>();
+    let time_s = (square(|sd| sd.turn_rad) / square(|sd| sd.rate_rad_s).max(f64::MIN_POSITIVE)).sqrt().max(1e-3);
+    ArmErrors { time_s, sds }
+}
+
+/// What later datagrams do at each block.
+fn arrivals(plant: &Plant, time_s: f64, predictor: &Predictor, beside: &JointMotion, times: &[f64]) -> Option<Arrivals> {
+    let grid = predictor.encoders.grid;
+    let nominal = &predictor.encoders.response.as_ref()?.nominal;
+    let turn = |t_s: &f64| {
+        let of = |(joint, nodes): (usize, &Nodes)| beside.at(*t_s, joint)[2] * grid.between(nodes, *t_s)[1] * ARRIVAL_SD_S;
+        nominal.iter().enumerate().map(|own| of(own).powi(2)).sum::<f64>().sqrt()
+    };
+    let gain = (0..nominal.len()).map(|i| plant.servo(i).position_gain_1_s).sum::<f64>() / nominal.len() as f64;
+    Some(Arrivals { time_s, lag_s: 1.0 / gain.max(1e-3), turn_rad: times.iter().map(turn).collect() })
 }
 
 /// The hyper-parameters by name.

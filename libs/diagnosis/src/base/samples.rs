@@ -101,6 +101,11 @@ impl Samples {
         rows
     }
 
+    /// What the rows change by with a small motion: of pose and rate over time.
+    pub(super) fn read_small(&self, pose: impl Fn(f64) -> [f64; 3], rate: impl Fn(f64) -> f64) -> Vec<f64> {
+        self.averaged(|k| pose(self.pose_t_s[k]), |k| rate(self.gyro_t_s[k]))
+    }
+
     /// The rows that a motion would give.
     pub(super) fn read(&self, motion: &Motion) -> Vec<f64> {
         let sensors = &motion.physics.sensors;

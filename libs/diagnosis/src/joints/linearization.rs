@@ -5,7 +5,8 @@ use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
-use super::servos::{self, GainSlope};
+use super::servos;
+use crate::servo_response::GainSlope;
 use fss_plant::Plant;
 
 /// The noise's model, and what a prediction along the path lacks.

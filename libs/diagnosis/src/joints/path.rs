@@ -1,9 +1,9 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
-use super::response::{self, Nodes, Response};
 use super::smoother::{Reading, smooth};
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
+use crate::servo_response::{self, Nodes, Response};
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
 
@@ -69,7 +69,7 @@ impl MeasuredPath {
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
         let tracks = |all: Vec<Nodes>| all.into_iter().map(track).collect::<Vec<_>>();
         let datagrams = run.commands.as_ref().filter(|c| c.joints.len() == links);
-        let response = datagrams.and_then(|commands| response::response(plant, commands, &grid_s).ok());
+        let response = datagrams.and_then(|commands| servo_response::response(plant, commands, &grid_s).ok());
         let reference = if let Some(response) = response {
             Some(Reference::of(response, start_s))
         } else {

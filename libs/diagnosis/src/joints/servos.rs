@@ -3,16 +3,12 @@
 
 use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
-use super::response::{self, GAINS};
 use super::rows::Row;
-use super::telemetry::median_interval;
 use super::track::Track;
+use crate::servo_response::{self, ARRIVAL_SD_S, GainSlope, datagrams};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_plant::{Effect, Place, Plant, Servo};
-
-/// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
-const ARRIVAL_SD_S: f64 = 1.7e-3;
 
 /// The servos of a run.
 pub(super) struct Servos {
@@ -20,13 +16,6 @@ pub(super) struct Servos {
     commands: Option<Commands>,
     /// Gains with which the reference was computed.
     nominal: Vec<Servo>,
-}
-
-/// What the rows change by with the logarithm of a gain of a joint's servo.
-pub(super) struct GainSlope {
-    gain: usize,
-    joint: usize,
-    of_row: Vec<f64>,
 }
 
 impl Servos {
@@ -37,13 +26,7 @@ impl Servos {
 
     /// Adds what the gains of a plant change.
     pub(super) fn tune(&self, plant: &Plant, by_gain: &[GainSlope], rows: &mut [f64]) {
-        for slope in by_gain {
-            let gain = |servo: &Servo| GAINS[slope.gain](&mut servo.clone()).max(f64::MIN_POSITIVE);
-            let tuned = (gain(plant.servo(slope.joint)) / gain(&self.nominal[slope.joint])).ln();
-            if tuned != 0.0 {
-                rows.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += tuned * s);
-            }
-        }
+        servo_response::tune(plant, &self.nominal, by_gain, rows);
     }
 
     /// What servos of the nominal gains make of the datagrams on another plant; `None` without datagrams, or where the plant is
@@ -55,7 +38,7 @@ impl Servos {
             link.servo = Some(servo.clone());
         }
         let grid_s: Vec<f64> = path.grid_s().collect();
-        Some(path.reference_of(response::response(&plant, commands, &grid_s).ok()?))
+        Some(path.reference_of(servo_response::response(&plant, commands, &grid_s).ok()?))
     }
 }
 
@@ -73,18 +56,6 @@ pub(super) fn gain_slopes(by_gain: &[Vec<Track>], rows: &[Row], model: &NoiseMod
         GainSlope { gain, joint, of_row: model.read_motion(rows, motion) }
     };
     (0..by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
-}
-
-/// What datagrams told each joint, and when they arrived; `None` where the run has none, or none that change anything.
-pub(super) fn datagrams<'a>(plant: &Plant, run: &'a Run) -> Option<&'a Commands> {
-    run.commands.as_ref().filter(|c| c.joints.len() == plant.link_count() && c.joints.iter().any(|j| j.len() > 1))
-}
-
-/// Correlation time of how late datagrams arrive, s: half of the interval at which another one comes.
-pub(super) fn arrival_time(commands: &Commands) -> f64 {
-    let most = commands.joints.iter().max_by_key(|joint| joint.len());
-    let times: Vec<f64> = most.into_iter().flatten().map(|(t_s, _)| *t_s).collect();
-    0.5 * median_interval(&times)
 }
 
 /// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.

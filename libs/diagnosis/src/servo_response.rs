@@ -4,31 +4,37 @@
 //! so that the motion is taken from a simulation of the servo, and its gains are values of the plant that are known only so well.
 
 use fss_experiments::commands::Commands;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
+use fss_estimation::statistics::median;
 use fss_plant::{Plant, Servo};
 
 /// Angle, rate and acceleration at each node of a path.
-pub(super) type Nodes = Vec<[f64; 3]>;
+pub(crate) type Nodes = Vec<[f64; 3]>;
 
 /// The gains that are not known exactly: of the position loop, of the velocity loop, of its integral.
-pub(super) const GAINS: [fn(&mut Servo) -> &mut f64; 3] =
+pub(crate) const GAINS: [fn(&mut Servo) -> &mut f64; 3] =
     [|s| &mut s.position_gain_1_s, |s| &mut s.velocity_gain_n_m_s_rad, |s| &mut s.velocity_integral_n_m_rad];
 /// Step of the logarithm of a gain in differences.
 const STEP: f64 = 0.1;
 
+/// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
+pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
+
 /// The joints' motion in answer to datagrams.
-pub(super) struct Response {
+#[derive(Clone, Debug)]
+pub(crate) struct Response {
     /// Each joint with the plant's gains.
-    pub(super) nominal: Vec<Nodes>,
+    pub(crate) nominal: Vec<Nodes>,
     /// For each of [`GAINS`], how each joint's motion depends on its logarithm. A joint is taken to depend on its own gains.
-    pub(super) by_gain: Vec<Vec<Nodes>>,
+    pub(crate) by_gain: Vec<Vec<Nodes>>,
 }
 
 /// The answer of a plant's servos at the times `grid_s`, s.
 ///
 /// # Errors
 /// When the plant's masses are impossible.
-pub(super) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
+pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
     let nominal = played(plant, commands, grid_s)?;
     let by_gain = GAINS.iter().map(|gain| {
         let mut tuned = plant.clone();
@@ -45,6 +51,40 @@ pub(super) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
     Ok(Response { nominal, by_gain })
 }
 
+/// What datagrams told each joint, and when they arrived; `None` where the run has none, or none that change anything.
+pub(crate) fn datagrams<'a>(plant: &Plant, run: &'a Run) -> Option<&'a Commands> {
+    run.commands.as_ref().filter(|c| c.joints.len() == plant.link_count() && c.joints.iter().any(|j| j.len() > 1))
+}
+
+/// Correlation time of how late datagrams arrive, s: half of the interval at which another one comes.
+pub(crate) fn arrival_time(commands: &Commands) -> f64 {
+    let most = commands.joints.iter().max_by_key(|joint| joint.len());
+    let mut intervals: Vec<f64> = most.map_or(&[][..], |joint| joint).windows(2).map(|w| w[1].0 - w[0].0).collect();
+    0.5 * median(&mut intervals).unwrap_or(1.0)
+}
+
+/// What rows change by with the logarithm of a gain of a joint's servo.
+pub(crate) struct GainSlope {
+    pub(crate) gain: usize,
+    pub(crate) joint: usize,
+    pub(crate) of_row: Vec<f64>,
+}
+
+/// Adds what the gains of a plant change over the `nominal` ones.
+pub(crate) fn tune(plant: &Plant, nominal: &[Servo], by_gain: &[GainSlope], rows: &mut [f64]) {
+    for slope in by_gain {
+        let gain = |servo: &Servo| GAINS[slope.gain](&mut servo.clone()).max(f64::MIN_POSITIVE);
+        let tuned = (gain(plant.servo(slope.joint)) / gain(&nominal[slope.joint])).ln();
+        if tuned != 0.0 {
+            rows.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += tuned * s);
+        }
+    }
+}
+
+/// Each joint's motion with the plant's gains, at the times `grid_s`, s.
+///
+/// # Errors
+/// When the plant's masses are impossible.
 fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
     let still = Plant { disturbance: None, ..plant.clone() };
     let mut times = Vec::new();

@@ -1,0 +1,46 @@
+//! What a small motion of the joints beside their path does to the base.
+
+use super::prediction::{Carriage, Path, joints_only, rotated};
+use super::samples::Samples;
+use crate::path::TimeGrid;
+use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
+use fss_plant::Physics;
+
+/// Momentum stays: with H the angular momentum of a joint's unit rate about the centre of mass, I the locked inertia and c the
+/// centre of mass in base axes, `d theta = -H/I dq`, `d pose = -d(R c)`.
+pub(super) struct JointMotion {
+    grid: TimeGrid,
+    /// At each edge of the grid, for each joint: x m, y m and heading rad by an angle of 1 rad.
+    slopes: Vec<Vec<[f64; 3]>>,
+}
+
+impl JointMotion {
+    pub(super) fn new(physics: &Physics, grid: TimeGrid, path: &Path, carriage: &Carriage) -> Result<Self, ModelError> {
+        let model = physics.model(0.0)?;
+        let joints = physics.links.len().min(MAX_LINKS);
+        let at = |k: usize, joint: usize| {
+            let mut unit = JointVector::zeros();
+            unit[joint] = 1.0;
+            let q = joints_only(&carriage.samples[k].q_rad);
+            let moving = model.momentum(&State { q, v: joints_only(&unit) });
+            let turn = -moving.angular_about_com / carriage.inertia_kg_m2[k];
+            let [x, y] = carriage.com_m[k];
+            let by_angle = [moving.linear.x / carriage.mass_kg - turn * y, moving.linear.y / carriage.mass_kg + turn * x];
+            let [dx, dy] = rotated(path.pose[k][2].sin_cos(), by_angle);
+            [-dx, -dy, turn]
+        };
+        let slopes = (0..path.pose.len()).map(|k| (0..joints).map(|joint| at(k, joint)).collect()).collect();
+        Ok(Self { grid, slopes })
+    }
+
+    /// x m, y m and heading rad by an angle of a joint, and rate by its rate.
+    pub(super) fn at(&self, t_s: f64, joint: usize) -> [f64; 3] {
+        self.slopes[self.grid.locate(t_s).0][joint]
+    }
+
+    /// What the rows change by with a motion of a joint: its angle and rate over time.
+    pub(super) fn rows(&self, samples: &Samples, joint: usize, motion: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
+        let pose = |t_s: f64| self.at(t_s, joint).map(|slope| slope * motion(t_s)[0]);
+        samples.read_small(pose, |t_s| self.at(t_s, joint)[2] * motion(t_s)[1])
+    }
+}
