@@ -71,6 +71,21 @@ fn a_log_of_the_nominal_laboratory_and_what_the_plant_file_says_agree() {
 }
 
 #[test]
+fn datagrams_that_arrive_early_or_late_are_no_torque_on_the_base() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = fly("excitation", folder.path());
+    let (plant, out) = (folder.path().join("excitation/plant.toml"), folder.path().join("out"));
+    let plant = plant.to_str().unwrap();
+    succeed(&["diagnose", &run, "--plant", plant, "--out", out.to_str().unwrap(), "--engine", "evidence"]);
+    let answer = json(&out.join("diagnosis.json"));
+    let of_base = |d: &&serde_json::Value| d["name"].as_str().unwrap().starts_with("torque on the base");
+    let torque = answer["discrepancy"].as_array().unwrap().iter().find(of_base).unwrap();
+    let [inferred, expected] = ["inferred", "expected"].map(|key| torque[key].as_f64().unwrap());
+    assert!(inferred < expected, "{torque}");
+    assert_eq!(answer["causes"].as_array().unwrap().len(), 0, "{answer}");
+}
+
+#[test]
 fn where_nothing_is_hidden_nothing_is_named() {
     // Vehicles without links, with one and with four, in laboratories that differ from their plant files.
     ["0", "6", "7"].into_iter().for_each(nothing_is_named);

@@ -31,11 +31,11 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{arrival_time, datagrams};
+use crate::servo_response::{self, arrival_time, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant};
+use fss_plant::{Effect, JointPhysics, Plant, Servo};
 use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
 use linearize::Anchor;
@@ -70,6 +70,8 @@ pub struct JointBlock {
     hyper: Vec<HyperParameter>,
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<Present>>>,
+    /// The nominal plant.
+    plant: Plant,
     servos: Servos,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
@@ -82,6 +84,8 @@ pub struct JointBlock {
 struct Present {
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
+    /// Gains of the servos.
+    servos: Vec<Servo>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
 }
@@ -111,7 +115,8 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let parts = (&path, rows.as_slice(), scale.as_slice());
     let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_ref())?;
     let servos = Servos::new(plant, run);
-    let mut block = JointBlock::assembled(run, (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
+    let mut block =
+        JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
@@ -180,7 +185,7 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
 
 impl JointBlock {
     fn assembled(
-        run: &Run,
+        (plant, run): (&Plant, &Run),
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         (rows, scale): (Vec<Row>, Vec<f64>),
         (nominal, servos): (Linearization, Servos),
@@ -211,6 +216,7 @@ impl JointBlock {
             anchors,
             hyper,
             present: Mutex::new(None),
+            plant: plant.clone(),
             servos,
             measured,
             channel_of_row,
@@ -228,7 +234,7 @@ impl JointBlock {
     fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
         let moving: Vec<Effect> = effects.iter().filter(|e| servos::moves(e)).cloned().collect();
-        let is_nominal = moving.is_empty() || self.anchors.is_some();
+        let is_nominal = moving.is_empty() && *plant == self.plant || self.anchors.is_some();
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
         let anew = || {
             let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
@@ -236,6 +242,7 @@ impl JointBlock {
             Linearization::new(plant, mechanics, parts, &self.nominal.model, reference)
         };
         Present {
+            servos: (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect(),
             breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
             linearization: if is_nominal { None } else { anew() },
         }
@@ -273,7 +280,7 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
-        self.servos.tune(plant, &about.by_gain, &mut out);
+        servo_response::tune(plant, &present.servos, &about.by_gain, &mut out);
         Ok(out)
     }
 

@@ -10,7 +10,7 @@ mod shortlist;
 mod space;
 
 use crate::gram::GramCache;
-use crate::problem::{Linearized, Present, Problem, Slope};
+use crate::problem::{Center, Linearized, Present, Problem, Slope};
 use fss_estimation::evidence::SetPosterior;
 use fss_multibody::ModelError;
 use fss_plant::Response;
@@ -25,8 +25,11 @@ use std::collections::BTreeSet;
 const ROUNDS: usize = 14;
 /// Steps of estimation about one set at the most.
 const POLISHED: usize = 6;
-/// A change of a coordinate below this share of its deviation stands still.
+/// A change of a coordinate below this share of its deviation stands still, and of an uncertain value below this share of what is
+/// stated.
 const STANDS_STILL: f64 = 0.5;
+/// No value of a plant file is taken to be off by more stated deviations than this.
+const FARTHEST: f64 = 4.0;
 /// So often at the most a set is linearized about its values without another set being better.
 const AGAIN: usize = 3;
 
@@ -36,8 +39,8 @@ pub(crate) struct Searched<'a> {
     pub(crate) points: Vec<HyperPoint>,
     /// All sets that were judged, most probable first, each with its probability.
     pub(crate) sets: Vec<(Found, f64)>,
-    /// The most probable set at its estimates.
-    pub(crate) model: Vec<Present>,
+    /// The most probable set and the uncertain values at their estimates.
+    pub(crate) center: Center,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
     pub(crate) linearized: Linearized,
@@ -45,27 +48,29 @@ pub(crate) struct Searched<'a> {
 
 pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
     say("linearizing");
-    let mut linearized = problem.linearized(&[], Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
+    let mut linearized =
+        problem.linearized(&Center::default(), Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
     let null_hyper = search.optimized(&linearized, &[], &[], &medians(problem), 1.0, |_, _| true);
     let mut hyper = null_hyper.clone();
-    let mut model: Vec<Present> = Vec::new();
+    let mut center = Center::default();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
     let mut points = Vec::new();
     let mut visited = BTreeSet::from([Vec::new()]);
     for round in 1..=ROUNDS {
         say(&format!("searching for up to {largest}, round {round}"));
         if !unchanged {
-            search.shortlist(&linearized, &model, &null_hyper, &hyper);
+            search.shortlist(&linearized, &center.model, &null_hyper, &hyper);
             let chosen = &search.chosen;
             let wanted = |c: usize, family: usize| chosen.contains(&c) && (round > 1 || !problem.at_first(c, family));
-            linearized = problem.linearized(&model, Slope::Secant, &wanted, Some(linearized))?;
+            linearized = problem.linearized(&center, Slope::Secant, &wanted, Some(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
+        let model = &center.model;
         search.varying = model.iter().map(|p| p.candidate).collect();
         let mut sets = search.beam(&points, largest);
-        if search.add_optima(&linearized, &model, &sets, if unchanged { 1 } else { PROMISING }, &mut points) {
+        if search.add_optima(&linearized, model, &sets, if unchanged { 1 } else { PROMISING }, &mut points) {
             sets = search.beam(&points, largest);
         }
         let best = sets[0].clone();
@@ -73,30 +78,35 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         again = if same { again + 1 } else { 0 };
         let (estimate, deviations) = search.estimate(&points, &best);
         let start = points[search.judge(&points, &best.causes, &best.classes).1].hyper.clone();
-        let now = search.polished(if same { model.clone() } else { estimate }, &best, &start)?;
-        let still = Search::stands_still(&model, &now, &deviations) || again >= AGAIN;
+        let from = if same { model.clone() } else { estimate };
+        let mut now = search.polished(Center { model: from, ..center.clone() }, &best, &start)?;
+        // Gains of servos that follow datagrams act far from linearly within what is stated of them.
+        if problem.is_commanded {
+            now.values = search.values(&points, &best).into_iter().map(|v| v.clamp(-FARTHEST, FARTHEST)).collect();
+        }
+        let still = Search::stands_still(&center, &now, &deviations) || again >= AGAIN;
         let mut key = best.causes.clone();
         key.sort_unstable();
         // A set that was left for another and comes back would go on so for ever: it is taken.
         let comes_back = !same && !visited.insert(key);
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
-        model = now;
+        center = now;
         if (still && is_whole) || comes_back || round == ROUNDS {
-            return Ok(Searched { search, points, sets: probabilities(sets), model, hyper, linearized });
+            return Ok(Searched { search, points, sets: probabilities(sets), center, hyper, linearized });
         }
         if still {
             (largest, again, unchanged) = (largest + 1, 0, true);
             continue;
         }
         unchanged = false;
-        say(&format!("linearizing about {}", search.names(&model)));
-        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-        linearized = problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
+        say(&format!("linearizing about {}", search.names(&center.model)));
+        let present: Vec<usize> = center.model.iter().map(|p| p.candidate).collect();
+        linearized = problem.linearized(&center, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
         if !same {
-            search.note_identical(&linearized, &hyper, &model)?;
+            search.note_identical(&linearized, &hyper, &center)?;
         }
-        model = search.polished(model, &best, &hyper)?;
+        center = search.polished(center, &best, &hyper)?;
     }
     unreachable_round()
 }
@@ -123,44 +133,50 @@ impl Searched<'_> {
 
     /// Posterior means of the uncertain values with the best set, in stated standard deviations.
     pub(crate) fn uncertain_means(&self) -> Vec<f64> {
-        let best = &self.sets[0].0;
-        let slabs = self.search.slabs(&best.causes, &best.classes, &self.search.position);
-        let found = self.search.posterior(&self.points, best).zip(slabs);
-        let means = found.map(|((posterior, at), slabs)| self.points[at].posterior.means_given(&slabs, &posterior));
-        means.map_or_else(|| vec![0.0; self.search.problem.uncertain.len()], |m| m[self.uncertain_at()..].to_vec())
+        self.search.values(&self.points, &self.sets[0].0)
     }
 }
 
 impl Search<'_> {
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
     /// differ where actions are not in proportion.
-    fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], model: &[Present]) -> Result<(), ModelError> {
-        for present in model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
+    fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], center: &Center) -> Result<(), ModelError> {
+        for present in center.model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
             let own = present.candidate;
-            let alike = self.problem.acting_alike(linearized, hyper, model, present)?;
+            let alike = self.problem.acting_alike(linearized, hyper, center, present)?;
             self.identical.extend(alike.into_iter().map(|(other, at)| ((own.min(other), own.max(other)), (other, at))));
         }
         Ok(())
     }
 
-    /// Gauss-Newton steps: the model's coordinates at the posterior mean of its linearization about themselves.
-    fn polished(&self, mut model: Vec<Present>, set: &Found, hyper: &[f64]) -> Result<Vec<Present>, ModelError> {
-        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+    /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves.
+    fn polished(&self, mut center: Center, set: &Found, hyper: &[f64]) -> Result<Center, ModelError> {
+        let present: Vec<usize> = center.model.iter().map(|p| p.candidate).collect();
         let (parameters, position) = self.parameters_with(&present);
-        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
-        let steps = if model.is_empty() { 0 } else { POLISHED };
+        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(center) };
+        let steps = if present.is_empty() { 0 } else { POLISHED };
         for _ in 0..steps {
-            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c, _| present.contains(&c), None)?;
+            let linearized = self.problem.linearized(&center, Slope::Tangent, &|c, _| present.contains(&c), None)?;
             let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
             let Some(posterior) = point.posterior.of_set(&slabs) else { break };
-            let (estimate, deviations) = self.presented(set, &posterior);
-            let still = Self::stands_still(&model, &estimate, &deviations);
-            model = estimate;
+            let (model, deviations) = self.presented(set, &posterior);
+            let now = Center { model, ..center.clone() };
+            let still = Self::stands_still(&center, &now, &deviations);
+            center = now;
             if still {
                 break;
             }
         }
-        Ok(model)
+        Ok(center)
+    }
+
+    /// Posterior means of the uncertain values with a set, in stated standard deviations.
+    fn values(&self, points: &[HyperPoint], set: &Found) -> Vec<f64> {
+        let slabs = self.slabs(&set.causes, &set.classes, &self.position);
+        let found = self.posterior(points, set).zip(slabs);
+        let means = found.map(|((posterior, at), slabs)| points[at].posterior.means_given(&slabs, &posterior));
+        let first = self.parameters.len() - self.problem.uncertain.len();
+        means.map_or_else(|| vec![0.0; self.problem.uncertain.len()], |m| m[first..].to_vec())
     }
 
     /// The best set at its posterior mean, and the deviations of its coordinates.
@@ -194,14 +210,18 @@ impl Search<'_> {
         (model, deviations)
     }
 
-    fn stands_still(model: &[Present], estimate: &[Present], deviations: &[Vec<f64>]) -> bool {
+    fn stands_still(before: &Center, now: &Center, deviations: &[Vec<f64>]) -> bool {
         let close = |now: &Present, sd: &Vec<f64>| {
-            let before = model.iter().find(|p| p.candidate == now.candidate);
+            let before = before.model.iter().find(|p| p.candidate == now.candidate);
             before.is_some_and(|before| {
                 let moved = before.coordinates.iter().zip(&now.coordinates).zip(sd);
                 moved.into_iter().all(|((a, b), sd)| (a - b).abs() <= (STANDS_STILL * sd).max(1e-3 * b.abs()))
             })
         };
-        model.len() == estimate.len() && estimate.iter().zip(deviations).all(|(now, sd)| close(now, sd))
+        let value = |center: &Center, i: usize| center.values.get(i).copied().unwrap_or(0.0);
+        let settled = |i: usize| (value(before, i) - value(now, i)).abs() <= STANDS_STILL;
+        before.model.len() == now.model.len()
+            && now.model.iter().zip(deviations).all(|(now, sd)| close(now, sd))
+            && (0..now.values.len()).all(settled)
     }
 }

@@ -3,10 +3,10 @@
 //! Between two datagrams a servo settles within some hundredths of a second. Telemetry shows the torque of one instant of that,
 //! so that the motion is taken from a simulation of the servo, and its gains are values of the plant that are known only so well.
 
+use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_estimation::statistics::median;
 use fss_plant::{Plant, Servo};
 
 /// Angle, rate and acceleration at each node of a path.

@@ -25,7 +25,8 @@ impl JointMotion {
             let moving = model.momentum(&State { q, v: joints_only(&unit) });
             let turn = -moving.angular_about_com / carriage.inertia_kg_m2[k];
             let [x, y] = carriage.com_m[k];
-            let by_angle = [moving.linear.x / carriage.mass_kg - turn * y, moving.linear.y / carriage.mass_kg + turn * x];
+            let by_angle =
+                [moving.linear.x / carriage.mass_kg - turn * y, moving.linear.y / carriage.mass_kg + turn * x];
             let [dx, dy] = rotated(path.pose[k][2].sin_cos(), by_angle);
             [-dx, -dy, turn]
         };

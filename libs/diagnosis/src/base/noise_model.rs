@@ -343,11 +343,18 @@ fn arm_errors(joints: usize, predictor: &Predictor, beside: &JointMotion, times:
 }
 
 /// What later datagrams do at each block.
-fn arrivals(plant: &Plant, time_s: f64, predictor: &Predictor, beside: &JointMotion, times: &[f64]) -> Option<Arrivals> {
+fn arrivals(
+    plant: &Plant,
+    time_s: f64,
+    predictor: &Predictor,
+    beside: &JointMotion,
+    times: &[f64],
+) -> Option<Arrivals> {
     let grid = predictor.encoders.grid;
     let nominal = &predictor.encoders.response.as_ref()?.nominal;
     let turn = |t_s: &f64| {
-        let of = |(joint, nodes): (usize, &Nodes)| beside.at(*t_s, joint)[2] * grid.between(nodes, *t_s)[1] * ARRIVAL_SD_S;
+        let of =
+            |(joint, nodes): (usize, &Nodes)| beside.at(*t_s, joint)[2] * grid.between(nodes, *t_s)[1] * ARRIVAL_SD_S;
         nominal.iter().enumerate().map(|own| of(own).powi(2)).sum::<f64>().sqrt()
     };
     let gain = (0..nominal.len()).map(|i| plant.servo(i).position_gain_1_s).sum::<f64>() / nominal.len() as f64;

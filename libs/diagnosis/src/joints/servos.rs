@@ -8,37 +8,24 @@ use super::track::Track;
 use crate::servo_response::{self, ARRIVAL_SD_S, GainSlope, datagrams};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
-use fss_plant::{Effect, Place, Plant, Servo};
+use fss_plant::{Effect, Place, Plant};
 
 /// The servos of a run.
 pub(super) struct Servos {
     /// What they were told; `None` without datagrams.
     commands: Option<Commands>,
-    /// Gains with which the reference was computed.
-    nominal: Vec<Servo>,
 }
 
 impl Servos {
     pub(super) fn new(plant: &Plant, run: &Run) -> Self {
-        let nominal = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
-        Self { commands: datagrams(plant, run).cloned(), nominal }
+        Self { commands: datagrams(plant, run).cloned() }
     }
 
-    /// Adds what the gains of a plant change.
-    pub(super) fn tune(&self, plant: &Plant, by_gain: &[GainSlope], rows: &mut [f64]) {
-        servo_response::tune(plant, &self.nominal, by_gain, rows);
-    }
-
-    /// What servos of the nominal gains make of the datagrams on another plant; `None` without datagrams, or where the plant is
-    /// no mechanism.
+    /// What a plant's servos make of the datagrams; `None` without datagrams, or where the plant is no mechanism.
     pub(super) fn reference(&self, plant: &Plant, path: &MeasuredPath) -> Option<Reference> {
         let commands = self.commands.as_ref()?;
-        let mut plant = plant.clone();
-        for (link, servo) in plant.links.iter_mut().zip(&self.nominal) {
-            link.servo = Some(servo.clone());
-        }
         let grid_s: Vec<f64> = path.grid_s().collect();
-        Some(path.reference_of(servo_response::response(&plant, commands, &grid_s).ok()?))
+        Some(path.reference_of(servo_response::response(plant, commands, &grid_s).ok()?))
     }
 }
 
