@@ -8,6 +8,7 @@ extern crate fss_launcher;
 mod generate;
 mod host;
 mod log;
+mod new;
 mod run;
 mod urdf;
 
@@ -65,6 +66,9 @@ enum Command {
     /// Write man pages and shell completions, for the package.
     #[command(hide = true)]
     Generate(generate::GenerateArgs),
+    /// Begin a service of one's own.
+    #[command(subcommand)]
+    New(new::NewCommand),
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
@@ -98,6 +102,7 @@ fn main() -> miette::Result<ExitCode> {
         Command::Urdf(args) => urdf::run(&args),
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
+        Command::New(command) => new::run(&command),
         Command::Log(command) => log::run(&command),
         Command::Report(args) => report::run(&args),
         Command::View(args) => view::run(&args),
