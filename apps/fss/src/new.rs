@@ -36,25 +36,69 @@ struct Language {
     /// A crate that depends on fss-service.
     #[arg(long)]
     rust: bool,
+    /// A C program that is linked with libfss.
+    #[arg(long)]
+    c: bool,
+    /// A Python program on fss.service.
+    #[arg(long)]
+    python: bool,
 }
 
 /// A file of the folder: its path, its text, whether it is a program.
 type Template = (&'static str, &'static str, bool);
 
-const RUST: &[Template] = &[
-    ("Cargo.toml", include_str!("new/rust/Cargo.toml.in"), false),
-    // The versions with which fss itself was built: what meets in shared memory is one version of iceoryx2.
-    ("Cargo.lock", include_str!("../../../Cargo.lock"), false),
-    ("src/main.rs", include_str!("new/rust/main.rs.in"), false),
-    ("check", include_str!("new/rust/check.in"), true),
-    (".gitignore", "bin\nout\ntarget\n", false),
-];
+/// What a language needs.
+struct Starter {
+    /// The file to change.
+    main: &'static str,
+    /// The program, as the launch file names it.
+    program: &'static str,
+    /// What `./check` does to build it.
+    build: &'static str,
+    files: &'static [Template],
+}
+
+const MESSAGE: Template = ("@NAME@_msgs/msg/@TYPE@State.msg", include_str!("new/state.msg.in"), false);
+
+const RUST: Starter = Starter {
+    main: "src/main.rs",
+    program: "bin/@NAME@",
+    build: include_str!("new/rust/build.in"),
+    files: &[
+        ("Cargo.toml", include_str!("new/rust/Cargo.toml.in"), false),
+        // The versions with which fss itself was built: what meets in shared memory is one version of iceoryx2.
+        ("Cargo.lock", include_str!("../../../Cargo.lock"), false),
+        ("src/main.rs", include_str!("new/rust/main.rs.in"), false),
+        (".gitignore", "bin\nout\ntarget\n", false),
+    ],
+};
+const C: Starter = Starter {
+    main: "main.c",
+    program: "bin/@NAME@",
+    build: include_str!("new/c/build.in"),
+    files: &[
+        ("main.c", include_str!("new/c/main.c.in"), false),
+        MESSAGE,
+        (".gitignore", "bin\nout\ntarget\n*_messages.h\n", false),
+    ],
+};
+const PYTHON: Starter = Starter {
+    main: "@NAME@.py",
+    program: "@NAME@",
+    build: include_str!("new/python/build.in"),
+    files: &[
+        ("@NAME@.py", include_str!("new/python/service.py.in"), false),
+        ("@NAME@", include_str!("new/python/start.in"), true),
+        MESSAGE,
+        (".gitignore", "bin\nout\ntarget\n*_messages.py\n", false),
+    ],
+};
 
 /// The table of the launch file.
 const TABLE: &str = "
 [[service]]
 name = \"@NAME@\"                     # a service of one's own
-program = \"bin/@NAME@\"              # from this file's folder
+program = \"@PROGRAM@\"              # from this file's folder
 config = { smoothing_s = 0.5 }
 rate_hz = 50
 phase_us = 3000                     # when navigation of this period is there
@@ -66,7 +110,12 @@ const SOURCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 /// Runs the command.
 pub fn run(command: &NewCommand) -> Result<()> {
     let NewCommand::Service(args) = command;
-    let launch = format!("{DEFAULT_LAUNCH}{TABLE}").replace("@NAME@", &args.name);
+    let starter = match args.language {
+        Language { c: true, .. } => C,
+        Language { python: true, .. } => PYTHON,
+        Language { .. } => RUST,
+    };
+    let launch = format!("{DEFAULT_LAUNCH}{TABLE}").replace("@PROGRAM@", starter.program).replace("@NAME@", &args.name);
     check_name(&args.name, &launch)?;
     let source = args.source.clone().unwrap_or_else(|| PathBuf::from(SOURCE));
     let source = source.canonicalize().ok().filter(|folder| folder.join("interfaces/service/Cargo.toml").exists());
@@ -84,12 +133,13 @@ pub fn run(command: &NewCommand) -> Result<()> {
         let text = text.replace("@NAME@", &args.name).replace("@TYPE@", &camel_case(&args.name));
         text.replace("@SOURCE@", &source.display().to_string())
     };
-    debug_assert!(args.language.rust);
-    for (name, text, is_program) in RUST {
-        write(&folder.join(name), &fill(text), *is_program)?;
+    for (name, text, is_program) in starter.files {
+        write(&folder.join(fill(name)), &fill(text), *is_program)?;
     }
+    let check = include_str!("new/check.in").replace("@BUILD@", starter.build.trim_end());
+    write(&folder.join("check"), &fill(&check), true)?;
     write(&folder.join("launch.toml"), &launch, false)?;
-    say!("{}: change src/main.rs, and run ./check", folder.display());
+    say!("{}: change {}, and run ./check", folder.display(), fill(starter.main));
     Ok(())
 }
 

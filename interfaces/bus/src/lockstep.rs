@@ -2,13 +2,10 @@
 //!
 //! The leader ([`Leader`], in the launcher) joins the bus of the run with one that it shares with the follower alone. For each
 //! step it hands over what has come on the follower's inputs, says when to step, waits for the answer, and hands on what was
-//! published. The follower ([`follow`]) is the same [`Runner`] as in real time. So nothing in it depends on when the two processes
+//! published. The follower ([`follow`]) is the same [`Run`] as in real time. So nothing in it depends on when the two processes
 //! happen to run.
 
-use crate::{
-    Batch, Bus, BusError, InputPort, InputPorts, Latest, Output, OutputPort, RawBatch, RawOutput, RawTopic, Runner,
-    Service, Time,
-};
+use crate::{Batch, Bus, BusError, InputPort, Latest, Output, OutputPort, RawBatch, RawOutput, RawTopic, Run, Time};
 use fss_messages::topic::{STEPS, Topic};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -50,7 +47,7 @@ const DONE: Topic<Done> = Topic::new("/lockstep/done");
 ///
 /// # Errors
 /// Where a port cannot be opened.
-pub fn follow<S: Service>(runner: &mut Runner<S>, bus: &Bus, stop: &AtomicBool) -> Result<(), BusError> {
+pub fn follow(runner: &mut impl Run, bus: &Bus, stop: &AtomicBool) -> Result<(), BusError> {
     let mut turns = Latest::open(bus, TURN)?;
     let mut done = Output::open(bus, DONE)?;
     let mut answer = |turn, now| {
@@ -67,7 +64,7 @@ pub fn follow<S: Service>(runner: &mut Runner<S>, bus: &Bus, stop: &AtomicBool) 
         };
         let flush = Time::from_ns(turn.flush_ns);
         if turn.refresh_only != 0 {
-            runner.inputs.refresh();
+            runner.refresh();
         } else {
             runner.step(Time::from_ns(turn.stamp_ns));
             runner.flush(flush);

@@ -5,6 +5,7 @@ use crate::shared::{RawPublisher, RawSubscriber};
 use crate::{Bus, BusError};
 use fss_messages::topic::{Owner, Topic};
 use fss_messages::{Definition, Sample};
+use iceoryx2::port::update_connections::UpdateConnections;
 
 /// A topic as a program describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -120,6 +121,15 @@ impl RawOutput {
                 true
             }
             RawSink::Shared(publisher) => crate::shared::send_bytes(publisher, sample),
+        }
+    }
+
+    /// Lets go of readers that are gone, where nothing is sent: a publisher that seldom sends would keep the shared memory of every
+    /// reader that died meanwhile.
+    pub(crate) fn let_go(&self) {
+        if let RawSink::Shared(publisher) = &self.sink {
+            // What cannot be let go of now is let go of with the next step.
+            let _ = publisher.update_connections();
         }
     }
 }

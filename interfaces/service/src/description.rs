@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// The version of what programs say of themselves.
-const FORMAT: &str = "fss-service/1";
+pub const FORMAT: &str = "fss-service/1";
 /// Name of the list of a stack's programs in a run's folder, and in its log.
 pub const PROGRAMS_FILE: &str = "programs.json";
 
@@ -41,6 +41,17 @@ pub struct PortDescription {
 }
 
 impl PortDescription {
+    /// Of a topic that this program knows.
+    pub fn of<T: Sample>(topic: Topic<T>) -> Self {
+        let definition = Definition::of::<T>();
+        Self {
+            topic: topic.name.to_owned(),
+            of_target: topic.owner == Owner::Target,
+            schema: definition.schema(),
+            definition: definition.text,
+        }
+    }
+
     /// The topic as the bus has it.
     ///
     /// # Errors
@@ -59,12 +70,7 @@ struct Ports(Vec<PortDescription>);
 
 impl PortVisitor for Ports {
     fn topic<T: Sample>(&mut self, topic: Topic<T>) {
-        self.0.push(PortDescription {
-            topic: topic.name.to_owned(),
-            of_target: topic.owner == Owner::Target,
-            schema: Definition::of::<T>().schema(),
-            definition: T::definition(),
-        });
+        self.0.push(PortDescription::of(topic));
     }
 
     /// A device is the program's own business.

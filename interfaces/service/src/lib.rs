@@ -75,18 +75,19 @@
 //! main!(Damper);
 //! ```
 //!
-//! [`Process`] is what [`main!`] stands on: a process's stack, for programs that come with fss.
+//! [`Process`] is what [`main!`] stands on: a process's stack, for programs that come with fss. [`RawProgram`] is what bindings to other
+//! languages stand on.
 
 mod description;
 mod process;
 mod program;
 
-pub use description::{Description, PROGRAMS_FILE, PortDescription, ProgramEntry, read_programs, topics_of};
+pub use description::{Description, FORMAT, PROGRAMS_FILE, PortDescription, ProgramEntry, read_programs, topics_of};
 pub use fss_bus::{Batch, InputPort, Latest, Output, OutputPort, Service, Time, inputs, outputs};
 pub use fss_messages as messages;
 pub use fss_messages::topic as topics;
 pub use process::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE, Process, STOP_TIME, SiteArgs, stop_on_signal};
-pub use program::{Program, Refusal, Site, run};
+pub use program::{Program, RawProgram, Refusal, Site, run, run_raw};
 
 /// Defines messages of a package: of each the struct, its ROS 2 definition and the hash of its layout.
 ///

@@ -1,11 +1,13 @@
 //! A service as a program of its own.
 
-use crate::description::Description;
+use crate::description::{Description, PortDescription};
 use crate::process::{Process, SiteArgs};
 use clap::Parser;
-use fss_bus::{Runner, Service, lockstep};
+use fss_bus::{RawRunner, RawService, Run, Runner, Service, lockstep};
+use fss_messages::topic::is_shared;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::de::DeserializeOwned;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Why a service could not be made: any error, or a text.
@@ -89,13 +91,46 @@ struct Cli {
     describe: Option<String>,
 }
 
+/// A service whose step is written in another language, as its binding makes it.
+pub trait RawProgram {
+    /// Its step.
+    type Service: RawService;
+
+    /// What it is.
+    fn description(&self) -> &Description;
+
+    /// Whether it takes this config, TOML.
+    ///
+    /// # Errors
+    /// Says what is wrong with it.
+    fn check(&self, config: &str) -> std::result::Result<(), Refusal>;
+
+    /// Makes the service, before its first step.
+    ///
+    /// # Errors
+    /// Where it cannot fly so.
+    fn make(&self, config: &str, site: &Site) -> std::result::Result<Self::Service, Refusal>;
+}
+
 /// Runs a service as the command line says; what [`main!`](crate::main) calls.
 pub fn run<S: Program>() -> ExitCode {
     let cli = Cli::parse();
-    let outcome = match &cli.describe {
-        Some(config) => describe::<S>(config),
+    conclude(match &cli.describe {
+        Some(config) => config_of::<S>(config).and_then(|_| describe(&Description::of::<S>())),
         None => fly::<S>(&cli),
-    };
+    })
+}
+
+/// Runs a service of another language as these arguments say, of which the first is the program's name.
+pub fn run_raw(program: &impl RawProgram, arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = Cli::parse_from(arguments);
+    conclude(match &cli.describe {
+        Some(config) => check_raw(program, config).and_then(|()| describe(program.description())),
+        None => fly_raw(program, &cli),
+    })
+}
+
+fn conclude(outcome: Result<()>) -> ExitCode {
     outcome.map_or_else(
         |error| {
             // One line for the launcher, which shows it in its own way.
@@ -108,9 +143,8 @@ pub fn run<S: Program>() -> ExitCode {
 }
 
 #[expect(clippy::print_stdout, reason = "the description is what the command is asked for")]
-fn describe<S: Program>(config: &str) -> Result<()> {
-    config_of::<S>(config)?;
-    println!("{}", serde_json::to_string(&Description::of::<S>()).into_diagnostic()?);
+fn describe(description: &Description) -> Result<()> {
+    println!("{}", serde_json::to_string(description).into_diagnostic()?);
     Ok(())
 }
 
@@ -118,14 +152,38 @@ fn config_of<S: Program>(text: &str) -> Result<S::Config> {
     toml::from_str(text).map_err(|e| miette!("config of '{}': {}", S::NAME, e.message()))
 }
 
+fn check_raw(program: &impl RawProgram, config: &str) -> Result<()> {
+    program.check(config).map_err(|e| miette!("config of '{}': {e}", program.description().service))
+}
+
 fn fly<S: Program>(cli: &Cli) -> Result<()> {
     let process = Process::open(S::NAME, &cli.site)?;
     let config = config_of::<S>(&process.schedule(S::NAME)?.config_text())?;
     let service = S::new(config, &process.site(S::NAME)?).map_err(|e| miette!("{e}")).wrap_err(S::NAME)?;
+    run_on(cli, &process, &mut Runner::new(service, &process.bus).into_diagnostic()?)
+}
+
+fn fly_raw(program: &impl RawProgram, cli: &Cli) -> Result<()> {
+    let description = program.description();
+    let name = &description.service;
+    let process = Process::open(name, &cli.site)?;
+    let config = process.schedule(name)?.config_text();
+    check_raw(program, &config)?;
+    let service = program.make(&config, &process.site(name)?).map_err(|e| miette!("{e}")).wrap_err(name.clone())?;
+    // What every service says goes by a port of its own.
+    let outputs: Vec<_> = description.outputs.iter().filter(|port| !is_shared(&port.topic)).collect();
+    let inputs = description.inputs.iter().map(PortDescription::to_topic).collect::<Result<Vec<_>>>()?;
+    let outputs = outputs.into_iter().map(PortDescription::to_topic).collect::<Result<Vec<_>>>()?;
+    let mut runner = RawRunner::new(service, name, [&inputs, &outputs], &process.bus).into_diagnostic()?;
+    run_on(cli, &process, &mut runner)
+}
+
+/// Runs on the clock that the command line says.
+fn run_on(cli: &Cli, process: &Process, runner: &mut impl Run) -> Result<()> {
     if cli.lockstep {
-        let mut runner = Runner::new(service, &process.bus).into_diagnostic()?;
-        return lockstep::follow(&mut runner, &process.bus, &process.stop).into_diagnostic();
+        return lockstep::follow(runner, &process.bus, &process.stop).into_diagnostic();
     }
-    process.fly(service, || ())?;
+    let schedule = process.schedule(runner.name())?;
+    fss_bus::process::run(runner, &process.bus, &schedule, process.starts, &process.stop, || ()).into_diagnostic()?;
     Ok(())
 }
