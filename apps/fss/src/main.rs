@@ -8,6 +8,8 @@ extern crate fss_launcher;
 mod generate;
 mod host;
 mod log;
+mod messages;
+mod new;
 mod run;
 mod urdf;
 
@@ -65,6 +67,11 @@ enum Command {
     /// Write man pages and shell completions, for the package.
     #[command(hide = true)]
     Generate(generate::GenerateArgs),
+    /// Begin a service of one's own.
+    #[command(subcommand)]
+    New(new::NewCommand),
+    /// Print messages and topics for services in C or Python.
+    Messages(messages::MessagesArgs),
     /// Look into a log.
     #[command(subcommand)]
     Log(log::LogCommand),
@@ -98,6 +105,8 @@ fn main() -> miette::Result<ExitCode> {
         Command::Urdf(args) => urdf::run(&args),
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),
+        Command::New(command) => new::run(&command),
+        Command::Messages(args) => messages::run(&args),
         Command::Log(command) => log::run(&command),
         Command::Report(args) => report::run(&args),
         Command::View(args) => view::run(&args),

@@ -5,6 +5,7 @@ use crate::stack::Stack;
 use fss_bus::realtime;
 use fss_plant::urdf::urdf;
 use fss_records::log::{LogError, LogWriter};
+use fss_service::PROGRAMS_FILE;
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -51,7 +52,11 @@ impl Description {
     /// Where the log refuses.
     pub(crate) fn write_to(&self, log: &mut LogWriter) -> Result<(), LogError> {
         for (name, text) in &self.files {
-            let media_type = if *name == URDF_FILE { "application/xml" } else { "application/toml" };
+            let media_type = match *name {
+                URDF_FILE => "application/xml",
+                PROGRAMS_FILE => "application/json",
+                _ => "application/toml",
+            };
             log.attach(name, media_type, text)?;
         }
         log.metadata("fss", self.facts.clone())

@@ -1,15 +1,17 @@
 //! A whole run in one process on a virtual clock: the same cores, the same device bytes, as fast as the machine allows.
 
 use crate::description::Description;
+use crate::follower::Follower;
 use crate::listener::Listener;
 use crate::processes::start_of;
+use crate::programs::program_of;
 use crate::stack::Stack;
 use crate::summary::Records;
 use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::launch::Schedule;
 use fss_bus::virtual_time::{self, Tick};
-use fss_bus::{Bus, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Service, Time};
+use fss_bus::{Bus, BusError, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Service, Time};
 use fss_calibration::{Calibration, MovementBand};
 use fss_fusion::device::{ObjectNames, decode_vicon, gyro_packet};
 use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
@@ -20,6 +22,7 @@ use fss_mission::{MissionConfig, MissionService};
 use fss_plant::Plant;
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
+use fss_service::topics_of;
 use fss_thrusters::{Thrusters, VALVES_QUEUE};
 use fss_wire::dsp3000;
 use fss_wire::link::Key;
@@ -43,7 +46,7 @@ pub fn fly(
     seed: u64,
     progress: impl FnMut(&MissionState),
 ) -> Result<()> {
-    let bus = Bus::local().for_stack(&stack.launch);
+    let bus = bus(stack)?;
     let (description, path) = (Description::new(stack, "virtual", seed)?, log_path.to_owned());
     let open = move |_| {
         let mut log = LogWriter::create(&path)?;
@@ -73,11 +76,15 @@ pub fn fly(
 /// # Errors
 /// Where the stack does not fly. A mission that does not end is none: its records say so.
 pub fn fly_unrecorded(stack: &Stack, seed: u64) -> Result<Records> {
-    let bus = Bus::local().for_stack(&stack.launch);
+    let bus = bus(stack)?;
     let listener = Rc::new(RefCell::new(Listener::new(&bus).into_diagnostic()?));
     let outcome = until_its_end(stack, stack.laboratory(), &bus, seed, &listener, |_| ());
     let listener = Rc::into_inner(listener).ok_or_else(|| miette!("the listener is still in use"))?;
     outcome.map(|_has_ended| listener.into_inner().told())
+}
+
+fn bus(stack: &Stack) -> Result<Bus> {
+    Ok(Bus::local().for_stack(&stack.launch).with_program_topics(topics_of(&stack.programs)?))
 }
 
 /// Flies until the mission has ended, or until it is given up, which gives false; `recorder` stands where the launch file has the recorder.
@@ -96,13 +103,15 @@ fn until_its_end(
     }
     let deadline = Time::from_ns(((stack.mission.duration_s() + PATIENCE_S) * 1e9) as u64);
     loop {
-        let Some(now) = clock.step() else { return Err(miette!("the launch file starts no service")) };
+        let Some(now) = clock.step().into_diagnostic()? else {
+            return Err(miette!("the launch file starts no service"));
+        };
         mission.refresh();
         if let Some(state) = mission.fresh() {
             let state: &MissionState = state;
             progress(state);
             if state.state == MissionState::DONE || state.state == MissionState::ABORTED {
-                recorder.borrow_mut().tick(now); // the last samples
+                recorder.borrow_mut().tick(now).into_diagnostic()?; // the last samples
                 return Ok(true);
             }
         }
@@ -116,8 +125,8 @@ fn until_its_end(
 struct Shared<T>(Rc<RefCell<T>>);
 
 impl<T: Tick> Tick for Shared<T> {
-    fn tick(&mut self, now: Time) {
-        self.0.borrow_mut().tick(now);
+    fn tick(&mut self, now: Time) -> Result<(), BusError> {
+        self.0.borrow_mut().tick(now)
     }
 }
 
@@ -136,6 +145,10 @@ fn add(
         ($service:expr) => {
             clock.add(runner($service, bus)?, period_ns, phase_ns)
         };
+    }
+    if let Some(program) = program_of(&stack.programs, schedule.name.get_ref()) {
+        clock.add(Follower::start(stack, program, bus, seed)?, period_ns, phase_ns);
+        return Ok(());
     }
     match schedule.name.get_ref().as_str() {
         "recorder" => clock.add(Shared(recorder.clone()), period_ns, phase_ns),
@@ -214,7 +227,7 @@ fn queue<T: Send + 'static>(bus: &Bus, name: &'static str) -> Result<Queue<T>> {
 }
 
 impl Tick for VirtualLaboratory {
-    fn tick(&mut self, now: Time) {
+    fn tick(&mut self, now: Time) -> Result<(), BusError> {
         while let Some(mask) = self.valves.pop() {
             self.laboratory.set_valves(mask);
         }
@@ -228,6 +241,7 @@ impl Tick for VirtualLaboratory {
             self.truth.publish(self.laboratory.truth());
             self.truth.flush(now);
         }
+        Ok(())
     }
 }
 

@@ -4,6 +4,7 @@ use crate::files::program_of;
 use crate::limits::LimitWatch;
 use crate::member::{FIRST_PAUSE, Member, Site};
 use crate::notify::Systemd;
+use crate::programs;
 use crate::stack::Stack;
 use fss_bus::launch::{BRIDGE, GROUND, PROGRAMS};
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
@@ -96,7 +97,10 @@ impl<'a> Supervisor<'a> {
     fn join(stack: &Stack, site: &'a Site) -> Result<Self> {
         let config = SharedConfig { node: "launcher".to_owned(), prefix: site.bus_prefix.clone() };
         let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
-        let members = stack.launch.services.iter().cloned().map(Member::new).collect();
+        let program = |name: &str| programs::program_of(&stack.programs, name).map(|program| program.path.clone());
+        let services = stack.launch.services.iter().cloned();
+        let members = services.map(|service| (program(service.name.get_ref()), service));
+        let members = members.map(|(program, service)| Member::new(service, program)).collect();
         Ok(Self {
             site,
             members,

@@ -4,6 +4,7 @@
 //!
 //! - [`stack`]: launch file, plant file and mission file, read and checked.
 //! - [`processes`]: one process of a stack; [`member`], [`launcher`]: those that a launch file names, supervised.
+//! - `programs`: services written elsewhere, asked what they are; `follower`: one of them, on a clock that nobody waits for.
 //! - [`fast`]: all services in one process, on a virtual clock.
 //! - [`replay`]: every service again from a log's inputs.
 //! - [`summary`], [`figures`]: what a flight has come to.
@@ -18,6 +19,7 @@ mod description;
 pub mod fast;
 pub mod figures;
 pub mod files;
+mod follower;
 pub mod launcher;
 mod limits;
 pub mod link_key;
@@ -27,7 +29,9 @@ pub mod member;
 mod notify;
 mod overruns;
 pub mod processes;
+mod programs;
 pub mod replay;
+mod services;
 pub mod soak;
 pub mod stack;
 pub mod summary;

@@ -104,9 +104,10 @@ impl Listener {
 }
 
 impl Tick for Listener {
-    fn tick(&mut self, _now: Time) {
+    fn tick(&mut self, _now: Time) -> Result<(), BusError> {
         for topic in &mut self.topics {
             topic.hear();
         }
+        Ok(())
     }
 }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Child, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zerocopy::IntoBytes;
@@ -33,6 +33,8 @@ pub struct Site {
 /// One supervised process.
 pub(crate) struct Member {
     pub(crate) schedule: Schedule,
+    /// Its program, where it was written elsewhere.
+    pub(crate) program: Option<PathBuf>,
     pub(crate) child: Option<Child>,
     pub(crate) said: Arc<Mutex<String>>,
     pub(crate) started: Instant,
@@ -48,9 +50,10 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    pub(crate) fn new(schedule: Schedule) -> Self {
+    pub(crate) fn new(schedule: Schedule, program: Option<PathBuf>) -> Self {
         Self {
             schedule,
+            program,
             child: None,
             said: Arc::default(),
             started: Instant::now(),
@@ -70,10 +73,10 @@ impl Member {
         self.started = Instant::now();
         self.restart_at = None;
         self.heard = None;
-        let mut command = this_program();
+        let mut command = self.program.as_ref().map_or_else(this_program, Command::new);
         if name == "lab" {
             command.arg("lab");
-        } else {
+        } else if self.program.is_none() {
             command.arg("service").arg(name);
         }
         let arguments = SiteArgs {

@@ -23,7 +23,7 @@ use fss_multibody::State;
 use fss_plant::Plant;
 use fss_recorder::{Limits, Recorder};
 use fss_records::log::LogWriter;
-use fss_service::{Site, SiteArgs};
+use fss_service::{Process as ServiceProcess, SiteArgs, read_programs};
 use fss_thrusters::Thrusters;
 use fss_thrusters::device::{Driver, GpioLines, LaboratoryLine, Valves};
 use fss_wire::link::{Key, first_sequence};
@@ -37,13 +37,13 @@ use zerocopy::FromBytes;
 /// A process's stack, and where it runs.
 struct Seat {
     stack: Stack,
-    site: Site,
+    site: ServiceProcess,
 }
 
 impl std::ops::Deref for Seat {
-    type Target = Site;
+    type Target = ServiceProcess;
 
-    fn deref(&self) -> &Site {
+    fn deref(&self) -> &ServiceProcess {
         &self.site
     }
 }
@@ -51,7 +51,7 @@ impl std::ops::Deref for Seat {
 impl Seat {
     fn open(name: &str, args: &SiteArgs) -> Result<Self> {
         let stack = Stack::in_folder(&args.run)?;
-        let site = Site::of(name, args, stack.launch.clone())?;
+        let site = ServiceProcess::of(name, args, stack.launch.clone())?;
         Ok(Self { stack, site })
     }
 
@@ -65,9 +65,10 @@ impl Seat {
 /// Runs one service until it is told to stop.
 pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
     if PROGRAMS.contains(&name) {
-        let mut program = Command::new(program_of(name)?);
-        let refused = program.args(args.to_arguments()).exec();
-        return Err(refused).into_diagnostic().wrap_err_with(|| format!("cannot start fss-{name}"));
+        return become_program(&program_of(name)?, args);
+    }
+    if let Some(program) = read_programs(&args.run)?.iter().find(|program| program.description.service == name) {
+        return become_program(&program.path, args);
     }
     let site = Seat::open(name, args)?;
     let rate_hz = *site.schedule(name)?.rate_hz.get_ref();
@@ -98,6 +99,12 @@ pub fn service(name: &str, args: &SiteArgs) -> Result<()> {
         _ => miette::bail!("there is no service '{name}'; `fss service --help` lists them"),
     }
     Ok(())
+}
+
+/// Goes on as another program.
+fn become_program(path: &Path, args: &SiteArgs) -> Result<()> {
+    let refused = Command::new(path).args(args.to_arguments()).exec();
+    Err(refused).into_diagnostic().wrap_err_with(|| format!("cannot start {}", path.display()))
 }
 
 /// The sample that the launcher gave.

@@ -1,6 +1,7 @@
 //! `fss replay`: every service computed again from the inputs that a log holds, and compared bit for bit.
 
 mod player;
+mod programs;
 mod services;
 mod tape;
 
@@ -66,7 +67,8 @@ fn replay(args: &ReplayArgs) -> Result<ExitCode> {
             logs[0].path().display()
         ));
     }
-    let services = services::replay_all(&stack, &tape)?;
+    let mut services = services::replay_all(&stack, &tape)?;
+    services.extend(programs::replay_all(&stack, &tape, &logs)?);
     let differ = services.iter().any(|verdict| verdict.difference_count > 0);
     let incomplete = services.iter().any(|verdict| !verdict.gaps.is_empty());
     let not_replayed: Vec<String> = NOT_REPLAYED.iter().map(|(name, why)| format!("{name}: {why}")).collect();
@@ -88,7 +90,7 @@ fn replay(args: &ReplayArgs) -> Result<ExitCode> {
 fn print(services: &[Verdict], not_replayed: &[String]) {
     say!("{:<12} {:>9} {:>9} {:>9} {:>12}", "service", "starts", "steps", "samples", "differences");
     for v in services {
-        let (service, count) = (v.service, v.difference_count);
+        let (service, count) = (&v.service, v.difference_count);
         say!("{service:<12} {:>9} {:>9} {:>9} {count:>12}", v.starts, v.steps, v.samples);
     }
     for v in services {

@@ -1,13 +1,14 @@
 //! A stack as its three files describe it: launch file, plant file, mission file.
 
-use crate::files::TextFile;
+use crate::files::{TextFile, write_silently};
+use crate::programs;
 use fss_bus::launch::{GROUND, Launch, SERVICES};
 use fss_lab::{Faults, LabConfig};
 use fss_messages::MissionState;
 use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::log::Log;
-use fss_service::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE};
+use fss_service::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE, PROGRAMS_FILE, ProgramEntry, read_programs};
 use fss_wire::link::Key;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
@@ -53,6 +54,8 @@ pub struct Stack {
     pub launch: Launch,
     /// The vehicle and its laboratory.
     pub plant: Plant,
+    /// Services that were written elsewhere, as they describe themselves.
+    pub programs: Vec<ProgramEntry>,
     /// What to fly.
     pub mission: Mission,
     /// What goes wrong in the simulated laboratory: what the mission file says, unless a fault file or a seed replaces it.
@@ -89,7 +92,9 @@ impl Stack {
         let launch_file = file_or(launch, "launch file", "lab.toml", DEFAULT_LAUNCH)?;
         let plant_file = file_or(plant, "plant file", "fss.toml", DEFAULT_PLANT)?;
         let (mission_name, mission_file) = mission_file(mission)?;
-        Self::parse(&launch_file, &plant_file, &mission_file, mission_name)
+        let mut stack = Self::parse(&launch_file, &plant_file, &mission_file, mission_name)?;
+        stack.programs = programs::find(&stack.launch, &launch_file)?;
+        Ok(stack)
     }
 
     /// Reads the files that a launcher left in a run's folder.
@@ -98,12 +103,13 @@ impl Stack {
     /// Names the file, the line and what to do.
     pub fn in_folder(folder: &Path) -> Result<Self> {
         let read = |name: &str, what| TextFile::read(&folder.join(name), what);
-        let stack = Self::parse(
+        let mut stack = Self::parse(
             &read(LAUNCH_FILE, "launch file")?,
             &read(PLANT_FILE, "plant file")?,
             &read(MISSION_FILE, "mission file")?,
             String::new(),
         )?;
+        stack.programs = read_programs(folder)?;
         let faults = folder.join(FAULTS_FILE);
         let stack = if faults.exists() { stack.with_faults(&TextFile::read(&faults, "fault file")?)? } else { stack };
         let laboratory = folder.join(LABORATORY_FILE);
@@ -121,6 +127,9 @@ impl Stack {
             Ok(TextFile { path: log.path().join(name), text })
         };
         let mut stack = Self::parse(&read(LAUNCH_FILE)?, &read(PLANT_FILE)?, &read(MISSION_FILE)?, String::new())?;
+        if let Some(text) = log.attachment(PROGRAMS_FILE).into_diagnostic()? {
+            stack.programs = serde_json::from_str(&text).into_diagnostic().wrap_err(PROGRAMS_FILE)?;
+        }
         stack.mission_name.clone_from(&stack.mission.name);
         match log.attachment(LABORATORY_FILE).into_diagnostic()? {
             Some(text) => stack.with_laboratory(TextFile { path: log.path().join(LABORATORY_FILE), text }),
@@ -144,6 +153,9 @@ impl Stack {
         }
         if self.faults != Faults::default() {
             files.push((FAULTS_FILE, toml::to_string(&self.faults).into_diagnostic()?));
+        }
+        if !self.programs.is_empty() {
+            files.push((PROGRAMS_FILE, programs::to_text(&self.programs)?));
         }
         Ok(files)
     }
@@ -185,6 +197,7 @@ impl Stack {
         Ok(Self {
             launch,
             plant,
+            programs: Vec::new(),
             mission,
             faults,
             mission_name,
@@ -237,7 +250,8 @@ impl Stack {
         let file = |name: &str, text: String| TextFile { path: PathBuf::from(format!("{name} with {change}")), text };
         let launch = TextFile { path: PathBuf::from(LAUNCH_FILE), text: self.launch_text.clone() };
         let (plant, mission) = (file(PLANT_FILE, texts.plant), file(MISSION_FILE, texts.mission));
-        let stack = Self::parse(&launch, &plant, &mission, self.mission_name.clone())?;
+        let mut stack = Self::parse(&launch, &plant, &mission, self.mission_name.clone())?;
+        stack.programs.clone_from(&self.programs);
         match texts.laboratory {
             Some(text) => stack.with_laboratory(file(LABORATORY_FILE, text)),
             None => Ok(stack),
@@ -271,13 +285,12 @@ impl Stack {
             (FAULTS_FILE, &faults),
             (LABORATORY_FILE, self.laboratory.as_ref().map_or(&self.plant_text, |(_, text)| text)),
         ];
-        for (name, text) in files {
-            let path = folder.join(name);
-            std::fs::write(&path, text)
-                .into_diagnostic()
-                .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+        files.iter().try_for_each(|(name, text)| write_silently(&folder.join(name), text))?;
+        let programs = folder.join(PROGRAMS_FILE);
+        if self.programs.is_empty() && !programs.exists() {
+            return Ok(());
         }
-        Ok(())
+        write_silently(&programs, &programs::to_text(&self.programs)?)
     }
 }
 

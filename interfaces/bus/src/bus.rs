@@ -2,8 +2,9 @@
 
 use crate::BusError;
 use crate::launch::{ForeignTopic, Launch};
-use crate::local::LocalTopics;
+use crate::local::{LocalTopics, kind_of};
 use crate::port::{Sink, Source};
+use crate::raw::RawTopic;
 use crate::shared::{SharedConfig, SharedTopics};
 use crossbeam::queue::ArrayQueue;
 use fss_messages::Sample;
@@ -58,6 +59,7 @@ pub struct Bus {
     transport: Rc<Transport>,
     vehicle: String,
     neighbours: Neighbours,
+    program_topics: Vec<RawTopic>,
     queues: Queues,
 }
 
@@ -77,7 +79,8 @@ impl Bus {
 
     fn new(transport: Transport) -> Self {
         let (transport, vehicle) = (Rc::new(transport), String::new());
-        Self { transport, vehicle, neighbours: Neighbours::default(), queues: Queues::default() }
+        let (neighbours, program_topics, queues) = (Neighbours::default(), Vec::new(), Queues::default());
+        Self { transport, vehicle, neighbours, program_topics, queues }
     }
 
     /// As the stack of this launch file has it: its vehicle's name, and its neighbours'.
@@ -94,7 +97,8 @@ impl Bus {
     /// The same memory and queues, with another vehicle's name in front of every topic.
     pub fn of_vehicle(&self, vehicle: &str) -> Self {
         let (transport, queues) = (self.transport.clone(), self.queues.clone());
-        Self { transport, vehicle: String::new(), neighbours: Neighbours::default(), queues }.for_vehicle(vehicle)
+        let (neighbours, program_topics) = (Neighbours::default(), Vec::new());
+        Self { transport, vehicle: String::new(), neighbours, program_topics, queues }.for_vehicle(vehicle)
     }
 
     /// What the stack has to do with other vehicles.
@@ -117,33 +121,65 @@ impl Bus {
         queue.downcast_ref::<Queue<T>>().cloned().ok_or_else(|| BusError::Queue(name.to_owned()))
     }
 
+    /// The same with the topics of programs that were written elsewhere.
+    pub fn with_program_topics(self, topics: Vec<RawTopic>) -> Self {
+        Self { program_topics: topics, ..self }
+    }
+
+    /// The topics that programs written elsewhere publish in this stack.
+    pub fn program_topics(&self) -> &[RawTopic] {
+        &self.program_topics
+    }
+
     /// The name under which a topic's owner publishes it; none where the stack has no target.
-    fn name_of<T: Sample>(&self, topic: Topic<T>) -> Option<String> {
-        match topic.owner {
-            Owner::This => Some(self.full_name(topic.name)),
-            Owner::Target => self.neighbours.target.as_ref().map(|target| format!("/{target}{}", topic.name)),
+    fn name_of(&self, topic: &str, owner: Owner) -> Option<String> {
+        match owner {
+            Owner::This => Some(self.full_name(topic)),
+            Owner::Target => self.neighbours.target.as_ref().map(|target| format!("/{target}{topic}")),
         }
     }
 
     pub(crate) fn source<T: Sample>(&self, topic: Topic<T>, capacity: usize) -> Result<Source<T>, BusError> {
-        let Some(name) = self.name_of(topic) else { return Ok(Source::Silent) };
+        let Some(name) = self.name_of(topic.name, topic.owner) else { return Ok(Source::Silent) };
         match &*self.transport {
             Transport::Local(topics) => {
-                topics.subscribe(&name, capacity).map(Source::Local).ok_or_else(|| two_types::<T>(name))
+                let port = topics.subscribe(&name, kind_of::<T>(), capacity);
+                port.map(Source::Local).ok_or_else(|| two_types(name, T::TYPE_NAME))
             }
             Transport::Shared(topics) => topics.subscribe(&name, capacity).map(Source::Shared),
         }
     }
 
     pub(crate) fn sink<T: Sample>(&self, topic: Topic<T>) -> Result<Sink<T>, BusError> {
-        let Some(name) = self.name_of(topic) else { return Ok(Sink::Silent) };
+        let Some(name) = self.name_of(topic.name, topic.owner) else { return Ok(Sink::Silent) };
         match &*self.transport {
-            Transport::Local(topics) => topics.publisher(&name).map(Sink::Local).ok_or_else(|| two_types::<T>(name)),
+            Transport::Local(topics) => {
+                let port = topics.publisher(&name, kind_of::<T>());
+                port.map(Sink::Local).ok_or_else(|| two_types(name, T::TYPE_NAME))
+            }
             Transport::Shared(topics) => topics.publisher(&name).map(Sink::Shared),
+        }
+    }
+
+    /// Opens a port of a topic that is known by its definition; `silent` where its owner is a vehicle that there is not.
+    pub(crate) fn open_raw<P>(
+        &self,
+        topic: &RawTopic,
+        silent: P,
+        local: impl FnOnce(&LocalTopics, &str, (&str, usize)) -> Option<P>,
+        shared: impl FnOnce(&SharedTopics, &str, (&str, usize)) -> Result<P, BusError>,
+    ) -> Result<P, BusError> {
+        let Some(name) = self.name_of(&topic.name, topic.owner) else { return Ok(silent) };
+        let type_name = topic.definition.type_name();
+        let kind = (type_name.as_str(), topic.definition.size);
+        match &*self.transport {
+            Transport::Local(topics) => local(topics, &name, kind).ok_or_else(|| two_types(name, &type_name)),
+            Transport::Shared(topics) => shared(topics, &name, kind),
         }
     }
 }
 
-fn two_types<T: Sample>(topic: String) -> BusError {
-    BusError::Topic { topic, sample: T::NAME, reason: "it carries another sample already".to_owned() }
+fn two_types(topic: String, type_name: &str) -> BusError {
+    let reason = "it carries another sample already".to_owned();
+    BusError::Topic { topic, sample: type_name.to_owned(), reason }
 }

@@ -17,8 +17,16 @@ pub enum BusError {
         /// The topic's full name.
         topic: String,
         /// The sample's name.
-        sample: &'static str,
+        sample: String,
         /// What iceoryx2 said.
+        reason: String,
+    },
+    /// A service that is a program of its own does not step.
+    #[error("service '{service}' on the virtual clock: {reason}")]
+    Lockstep {
+        /// The service.
+        service: String,
+        /// Why not.
         reason: String,
     },
     /// One device queue was opened with two types.

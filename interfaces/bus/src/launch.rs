@@ -126,6 +126,12 @@ pub struct SharedTable {
 pub struct Schedule {
     /// The service.
     pub name: Spanned<String>,
+    /// The program of a service that was written elsewhere; a path that is not absolute is taken from the launch file's folder.
+    #[serde(default)]
+    pub program: Option<Spanned<PathBuf>>,
+    /// What that program is told; it says which keys it knows.
+    #[serde(default)]
+    pub config: Option<Spanned<toml::Table>>,
     /// Steps a second.
     pub rate_hz: Spanned<f64>,
     /// When in its period a step begins, so that data flows through the stack within one period.
@@ -185,6 +191,42 @@ impl Schedule {
     }
 }
 
+/// The longest name of a service, which its samples carry, bytes.
+const LONGEST_NAME: usize = 15;
+
+impl Schedule {
+    /// Whether it is one of the `known` services, or a program with a name of its own.
+    fn check_program(&self, known: &[&str]) -> Result<(), LaunchError> {
+        let refuse = |message: String, help: String, span| Err(LaunchError { message, help, span: Some(span) });
+        let name = self.name.get_ref().as_str();
+        let is_known = known.contains(&name);
+        if self.program.is_none() {
+            if !is_known {
+                let known = known.join(", ");
+                let help = format!("the services of fss are {known}; one of your own has program = \"PATH\"");
+                return refuse(format!("there is no service '{name}'"), help, self.name.span());
+            }
+            return self.config.as_ref().map_or(Ok(()), |config| {
+                let help =
+                    "the services of fss take what they need from the plant file and the mission file".to_owned();
+                refuse(format!("'{name}' is no program of its own, and takes no config"), help, config.span())
+            });
+        }
+        let is_word = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
+        let is_plain = name.len() <= LONGEST_NAME && name.starts_with(|c: char| c.is_ascii_lowercase());
+        if !is_plain || !name.bytes().all(is_word) {
+            let help = format!("up to {LONGEST_NAME} lower-case letters, digits and underscores, the first a letter");
+            return refuse(format!("'{name}' is no name of a service"), help, self.name.span());
+        }
+        Ok(())
+    }
+
+    /// What its program is told, as TOML.
+    pub fn config_text(&self) -> String {
+        self.config.as_ref().map_or_else(String::new, |config| config.get_ref().to_string())
+    }
+}
+
 /// The services that a launch file may name.
 pub const SERVICES: &[&str] =
     &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", GROUND, BRIDGE];
@@ -227,10 +269,7 @@ impl Launch {
             |message: String, help: String, span: Range<usize>| Err(LaunchError { message, help, span: Some(span) });
         for (i, service) in self.services.iter().enumerate() {
             let name = service.name.get_ref();
-            if !known.contains(&name.as_str()) {
-                let help = format!("the services are {}", known.join(", "));
-                return refuse(format!("there is no service '{name}'"), help, service.name.span());
-            }
+            service.check_program(known)?;
             if self.services[..i].iter().any(|other| other.name.get_ref() == name) {
                 let help = "each service runs once; remove one of the two tables".to_owned();
                 return refuse(format!("'{name}' is launched twice"), help, service.name.span());

@@ -14,7 +14,7 @@ use iceoryx2::prelude::ipc;
 pub(crate) enum Source<T: Sample> {
     /// A vehicle that there is not.
     Silent,
-    Local(LocalSubscriber<T>),
+    Local(LocalSubscriber),
     Shared(Subscriber<ipc::Service, T, ()>),
 }
 
@@ -48,7 +48,7 @@ impl<T: Sample> Source<T> {
 pub(crate) enum Sink<T: Sample> {
     /// A vehicle that there is not.
     Silent,
-    Local(LocalPublisher<T>),
+    Local(LocalPublisher),
     Shared(Publisher<ipc::Service, T, ()>),
 }
 
@@ -58,7 +58,7 @@ impl<T: Sample> Sink<T> {
         match self {
             Self::Silent => true,
             Self::Local(publisher) => {
-                publisher.send(*sample);
+                publisher.send(sample.as_bytes());
                 true
             }
             Self::Shared(publisher) => match publisher.loan_uninit() {
@@ -81,10 +81,11 @@ impl<T: Sample> Sink<T> {
 /// What a port had for a step, as the step's record names it ([`Step`](fss_messages::Step)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
-    /// Sequence of the sample in hand, 0 for none; of a port that takes several at once, how many came.
+    /// Sequence of the newest sample, 0 for none; of a device, how many messages came.
     pub input: u64,
-    /// Whether something came since the step before.
-    pub fresh: bool,
+    /// How many samples came since the step before, at most 255; of a port that keeps the newest only and of a device, 1 where
+    /// something came.
+    pub fresh: u8,
 }
 
 /// Is shown what each port of a service stands for.
@@ -159,7 +160,7 @@ impl<T: Sample> InputPort for Latest<T> {
     }
 
     fn taken(&self) -> Taken {
-        Taken { input: self.get().map_or(0, |sample| sample.header().sequence), fresh: self.fresh }
+        Taken { input: self.get().map_or(0, |sample| sample.header().sequence), fresh: u8::from(self.fresh) }
     }
 
     fn visit(topic: Topic<T>, visitor: &mut impl PortVisitor) {
@@ -171,12 +172,13 @@ impl<T: Sample> InputPort for Latest<T> {
 pub struct Batch<T: Sample> {
     source: Source<T>,
     samples: Vec<T>,
-    newest_ns: Option<u64>,
+    /// Header of the newest sample, zeros where there was none.
+    newest: Header,
 }
 
 impl<T: Sample> Batch<T> {
     /// How many samples the buffer holds between two steps.
-    const CAPACITY: usize = crate::shared::MAX_BUFFER;
+    pub const CAPACITY: usize = crate::shared::MAX_BUFFER;
 
     /// The samples that came since the last step.
     pub fn samples(&self) -> &[T] {
@@ -189,7 +191,7 @@ impl<T: Sample> InputPort for Batch<T> {
 
     fn open(bus: &Bus, topic: Topic<T>) -> Result<Self, BusError> {
         let samples = Vec::with_capacity(Self::CAPACITY);
-        Ok(Self { source: bus.source(topic, Self::CAPACITY)?, samples, newest_ns: None })
+        Ok(Self { source: bus.source(topic, Self::CAPACITY)?, samples, newest: Header::default() })
     }
 
     fn refresh(&mut self) {
@@ -199,15 +201,15 @@ impl<T: Sample> InputPort for Batch<T> {
         {
             self.samples.push(*sample.get());
         }
-        self.newest_ns = self.samples.last().map_or(self.newest_ns, |sample| Some(sample.header().stamp_ns));
+        self.newest = self.samples.last().map_or(self.newest, Sample::header);
     }
 
     fn age_ns(&self, now: Time) -> u64 {
-        self.newest_ns.map_or(u64::MAX, |stamp| now.age_ns(stamp))
+        if self.newest.sequence == 0 { u64::MAX } else { now.age_ns(self.newest.stamp_ns) }
     }
 
     fn taken(&self) -> Taken {
-        Taken { input: self.samples.len() as u64, fresh: !self.samples.is_empty() }
+        Taken { input: self.newest.sequence, fresh: u8::try_from(self.samples.len()).unwrap_or(u8::MAX) }
     }
 
     fn visit(topic: Topic<T>, visitor: &mut impl PortVisitor) {
@@ -252,7 +254,7 @@ impl<T: Send + 'static> InputPort for Feed<T> {
     }
 
     fn taken(&self) -> Taken {
-        Taken { input: self.messages.len() as u64, fresh: !self.messages.is_empty() }
+        Taken { input: self.messages.len() as u64, fresh: u8::from(!self.messages.is_empty()) }
     }
 
     fn visit(name: &'static str, visitor: &mut impl PortVisitor) {

@@ -66,7 +66,7 @@ macro_rules! inputs {
                 const PORTS: usize = <$name as $crate::InputPorts>::NAMES.len();
                 let all: [$crate::Taken; PORTS] = [$( $crate::InputPort::taken(&self.$field) ),*];
                 for (i, taken) in all.into_iter().enumerate() {
-                    (step.input[i], step.fresh[i]) = (taken.input, u8::from(taken.fresh));
+                    (step.input[i], step.fresh[i]) = (taken.input, taken.fresh);
                 }
                 const { assert!(PORTS <= $crate::MAX_PORTS, "a step's record has no room for so many ports") };
                 true

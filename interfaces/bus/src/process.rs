@@ -3,13 +3,13 @@
 //! Boundaries are the multiples of the period on the monotonic clock, plus the phase: since all processes of a host
 //! share that clock, phases order the services of a stack without any process waiting for another. A boundary
 //! that was missed is skipped and counted, never made up in a burst. A service that follows a device may have two phases
-//! to choose from ([`Service::waited_ns`]).
+//! to choose from ([`Run::waited_ns`]).
 
 use crate::health::{Monitor, REPORT_PERIOD_NS};
 use crate::launch::Schedule;
 use crate::phase::Phase;
 use crate::realtime::{self, Privileges};
-use crate::{Bus, BusError, InputPorts, Output, OutputPort, Runner, Service, Time};
+use crate::{Bus, BusError, Output, OutputPort, Run, Time};
 use fss_messages::{Event, text, topic};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,8 +18,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 ///
 /// # Errors
 /// Where the clock cannot be read or a port not be opened.
-pub fn run<S: Service>(
-    runner: &mut Runner<S>,
+pub fn run(
+    runner: &mut impl Run,
     bus: &Bus,
     schedule: &Schedule,
     starts: u32,
@@ -28,15 +28,15 @@ pub fn run<S: Service>(
 ) -> Result<Privileges, BusError> {
     let mut health = Output::open(bus, topic::HEALTH)?;
     let mut events = Output::open(bus, topic::EVENTS)?;
-    let mut monitor = Monitor::new(S::NAME, schedule, starts)?;
+    let mut monitor = Monitor::new(runner.name(), schedule, starts)?;
     let granted = realtime::enter(schedule);
     monitor.set_privileges(granted.real_time, granted.memory_locked);
-    announce::<S>(&mut events, &granted, starts, realtime::now()?);
+    announce(runner.name(), &mut events, &granted, starts, realtime::now()?);
 
     let period_ns = schedule.period_ns();
     let mut phase = Phase::of(schedule);
     // What waited while the process was starting is stale: each input begins with its newest sample.
-    runner.inputs.refresh();
+    runner.refresh();
     // Before the service's own first word: its events are counted anew from then on, and none seems to be missing.
     events.flush(realtime::now()?);
     let mut boundary = next_boundary(realtime::now()?, period_ns, phase.ns());
@@ -53,13 +53,13 @@ pub fn run<S: Service>(
         let done = realtime::now()?;
         monitor.count_step(boundary, woken, done, dropped);
         if done.ns() >= next_report_ns {
-            runner.inputs.ages_ns(boundary, monitor.input_ages_mut());
+            runner.ages_ns(boundary, monitor.input_ages_mut());
             health.publish(monitor.report(done));
             health.flush(done);
             events.flush(done); // says nothing more, but lets go of readers that died
             next_report_ns = done.ns() + REPORT_PERIOD_NS;
         }
-        phase.note(runner.service.waited_ns());
+        phase.note(runner.waited_ns());
         let following = next_boundary(boundary, period_ns, phase.ns());
         boundary = if done < following { following } else { next_boundary(done, period_ns, phase.ns()) };
         monitor.count_skipped((boundary.ns() - following.ns()) / period_ns);
@@ -73,9 +73,9 @@ fn next_boundary(now: Time, period_ns: u64, phase_ns: u64) -> Time {
     Time::from_ns((since_phase / period_ns + 1) * period_ns + phase_ns)
 }
 
-fn announce<S: Service>(events: &mut Output<Event>, granted: &Privileges, starts: u32, now: Time) {
+fn announce(name: &str, events: &mut Output<Event>, granted: &Privileges, starts: u32, now: Time) {
     let mut say = |severity: u8, message: &str| {
-        let (service, text) = (text(S::NAME), text(message));
+        let (service, text) = (text(name), text(message));
         events.publish(Event { stamp_ns: now.ns(), severity, service, text, ..Event::default() });
     };
     say(Event::INFO, if starts > 1 { "restarted" } else { "started" });

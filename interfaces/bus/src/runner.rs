@@ -22,6 +22,24 @@ pub trait Service {
     }
 }
 
+/// A service with its open ports, in whatever language its step is written: what a clock runs.
+pub trait Run {
+    /// Its name in launch files, health and events.
+    fn name(&self) -> &str;
+    /// Takes what has come, without a step.
+    fn refresh(&mut self);
+    /// Takes what has come and steps at `now`; what it published waits for [`Self::flush`].
+    fn step(&mut self, now: Time);
+    /// Sends what was published, and then the step's record, at `now`; returns how many samples could not be sent.
+    fn flush(&mut self, now: Time) -> u64;
+    /// The ages of the inputs' newest samples, ns.
+    fn ages_ns(&self, now: Time, ages: &mut [u64]);
+    /// As [`Service::waited_ns`].
+    fn waited_ns(&self) -> Option<u64> {
+        None
+    }
+}
+
 /// A service and its open ports.
 pub struct Runner<S: Service> {
     /// The core.
@@ -63,5 +81,31 @@ impl<S: Service> Runner<S> {
     /// Sends what was published, and then the step's record, at `now`; returns how many samples could not be sent.
     pub fn flush(&mut self, now: Time) -> u64 {
         self.outputs.flush(now) + self.records.flush(now)
+    }
+}
+
+impl<S: Service> Run for Runner<S> {
+    fn name(&self) -> &str {
+        S::NAME
+    }
+
+    fn refresh(&mut self) {
+        self.inputs.refresh();
+    }
+
+    fn step(&mut self, now: Time) {
+        self.step(now);
+    }
+
+    fn flush(&mut self, now: Time) -> u64 {
+        self.flush(now)
+    }
+
+    fn ages_ns(&self, now: Time, ages: &mut [u64]) {
+        self.inputs.ages_ns(now, ages);
+    }
+
+    fn waited_ns(&self) -> Option<u64> {
+        self.service.waited_ns()
     }
 }

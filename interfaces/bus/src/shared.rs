@@ -9,6 +9,9 @@ use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
+use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 use std::collections::BTreeSet;
 use std::fs::Permissions;
 use std::io::ErrorKind;
@@ -17,6 +20,11 @@ use std::path::{Path, PathBuf};
 
 /// A sample borrowed from shared memory.
 pub(crate) type SharedSample<T> = iceoryx2::sample::Sample<ipc::Service, T, ()>;
+
+/// Subscribes to samples of which only name, size and alignment of their type are known.
+pub(crate) type RawSubscriber = Subscriber<ipc::Service, [CustomPayloadMarker], CustomHeaderMarker>;
+/// Publishes such samples.
+pub(crate) type RawPublisher = Publisher<ipc::Service, [CustomPayloadMarker], CustomHeaderMarker>;
 
 /// The most publishers of a topic on which every service speaks.
 const MAX_SPEAKERS: usize = 32;
@@ -42,6 +50,19 @@ pub struct SharedConfig {
     pub node: String,
     /// Prefix of everything the stack makes in shared memory: letters, digits and underscores.
     pub prefix: String,
+}
+
+/// A service's builder with the limits that all who open it agree on.
+macro_rules! with_limits {
+    ($builder:expr, $name:expr) => {
+        $builder
+            .enable_safe_overflow(true)
+            .subscriber_max_buffer_size(MAX_BUFFER)
+            .subscriber_max_borrowed_samples(4)
+            .max_publishers(if topic::is_shared($name) { MAX_SPEAKERS } else { MAX_PUBLISHERS })
+            .max_subscribers(MAX_SUBSCRIBERS)
+            .max_nodes(MAX_SPEAKERS + MAX_SUBSCRIBERS)
+    };
 }
 
 /// One process's access to the stack's shared memory.
@@ -70,38 +91,91 @@ impl SharedTopics {
         name: &str,
         capacity: usize,
     ) -> Result<Subscriber<ipc::Service, T, ()>, BusError> {
-        let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
-        self.service::<T>(name)?
-            .subscriber_builder()
-            .buffer_size(capacity.min(MAX_BUFFER))
-            .create()
-            .map_err(|e| refused(format!("{e:?}")))
+        let service = self.service::<T>(name)?;
+        let builder = service.subscriber_builder().buffer_size(capacity.min(MAX_BUFFER));
+        builder.create().map_err(|e| refused(name, T::TYPE_NAME, &e))
     }
 
     pub(crate) fn publisher<T: Sample>(&self, name: &str) -> Result<Publisher<ipc::Service, T, ()>, BusError> {
-        let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
-        self.service::<T>(name)?.publisher_builder().create().map_err(|e| refused(format!("{e:?}")))
+        self.service::<T>(name)?.publisher_builder().create().map_err(|e| refused(name, T::TYPE_NAME, &e))
     }
 
-    fn service<T: Sample>(
+    pub(crate) fn subscribe_raw(
         &self,
         name: &str,
-    ) -> Result<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>, BusError> {
-        let refused = |reason: String| BusError::Topic { topic: name.to_owned(), sample: T::NAME, reason };
-        let max_publishers = if topic::is_shared(name) { MAX_SPEAKERS } else { MAX_PUBLISHERS };
-        let service_name = ServiceName::new(name).map_err(|e| refused(format!("{e:?}")))?;
-        self.node
-            .service_builder(&service_name)
-            .publish_subscribe::<T>()
-            .enable_safe_overflow(true)
-            .subscriber_max_buffer_size(MAX_BUFFER)
-            .subscriber_max_borrowed_samples(4)
-            .max_publishers(max_publishers)
-            .max_subscribers(MAX_SUBSCRIBERS)
-            .max_nodes(MAX_SPEAKERS + MAX_SUBSCRIBERS)
-            .open_or_create()
-            .map_err(|e| refused(format!("{e:?}")))
+        kind: (&str, usize),
+        capacity: usize,
+    ) -> Result<RawSubscriber, BusError> {
+        let service = self.raw_service(name, kind)?;
+        let builder = service.subscriber_builder().buffer_size(capacity.min(MAX_BUFFER));
+        builder.create().map_err(|e| refused(name, kind.0, &e))
     }
+
+    pub(crate) fn publisher_raw(&self, name: &str, kind: (&str, usize)) -> Result<RawPublisher, BusError> {
+        self.raw_service(name, kind)?.publisher_builder().create().map_err(|e| refused(name, kind.0, &e))
+    }
+
+    fn service<T: Sample>(&self, name: &str) -> Result<PortFactory<ipc::Service, T, ()>, BusError> {
+        let builder = self.node.service_builder(&service_name(name, T::TYPE_NAME)?).publish_subscribe::<T>();
+        with_limits!(builder, name).open_or_create().map_err(|e| refused(name, T::TYPE_NAME, &e))
+    }
+
+    /// The same service as [`Self::service`] opens for the type of this name and size.
+    #[allow(unsafe_code)]
+    fn raw_service(
+        &self,
+        name: &str,
+        (type_name, size): (&str, usize),
+    ) -> Result<PortFactory<ipc::Service, [CustomPayloadMarker], CustomHeaderMarker>, BusError> {
+        let payload = TypeDetail::__internal_new_from_parts(TypeVariant::FixedSize, type_name, size, SAMPLE_ALIGNMENT)
+            .map_err(|e| refused(name, type_name, &e))?;
+        let header = TypeDetail::new::<()>(TypeVariant::FixedSize);
+        let builder = self
+            .node
+            .service_builder(&service_name(name, type_name)?)
+            .publish_subscribe::<[CustomPayloadMarker]>()
+            .user_header::<CustomHeaderMarker>();
+        // SAFETY: a sample is plain bytes of the size and alignment that are said here, and without a header of the user.
+        let builder = unsafe {
+            builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&header)
+        };
+        with_limits!(builder, name).open_or_create().map_err(|e| refused(name, type_name, &e))
+    }
+}
+
+/// Every sample is aligned so, as `define_messages!` asserts.
+const SAMPLE_ALIGNMENT: usize = 8;
+
+fn service_name(name: &str, type_name: &str) -> Result<ServiceName, BusError> {
+    ServiceName::new(name).map_err(|e| refused(name, type_name, &e))
+}
+
+fn refused(name: &str, type_name: &str, reason: &impl std::fmt::Debug) -> BusError {
+    BusError::Topic { topic: name.to_owned(), sample: type_name.to_owned(), reason: format!("{reason:?}") }
+}
+
+/// Appends the bytes of a sample.
+#[allow(unsafe_code)]
+pub(crate) fn append(bytes: &mut Vec<u8>, sample: &[CustomPayloadMarker]) {
+    // SAFETY: a marker is one byte of the sample (iceoryx2 asserts its size), and a sample has no padding.
+    bytes.extend_from_slice(unsafe { std::slice::from_raw_parts(sample.as_ptr().cast(), sample.len()) });
+}
+
+/// Sends the bytes of a sample, which are as many as its type has; false where that cannot be.
+#[allow(unsafe_code)]
+pub(crate) fn send_bytes(publisher: &RawPublisher, sample: &[u8]) -> bool {
+    // SAFETY: the type is of fixed size, of which one is loaned.
+    let Ok(mut loan) = (unsafe { publisher.loan_custom_payload(1) }) else { return false };
+    let room = loan.payload_mut();
+    if room.len() != sample.len() {
+        return false;
+    }
+    // SAFETY: as many bytes are written as the sample has, so that it is initialised then; a marker is one byte.
+    let loan = unsafe {
+        std::ptr::copy_nonoverlapping(sample.as_ptr(), room.as_mut_ptr().cast::<u8>(), sample.len());
+        loan.assume_init()
+    };
+    loan.send().is_ok()
 }
 
 fn iox_config(prefix: &str) -> Result<Config, String> {

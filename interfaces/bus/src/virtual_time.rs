@@ -1,17 +1,21 @@
 //! Many services in one process on a virtual clock.
 
-use crate::{Runner, Service, Time};
+use crate::{BusError, Runner, Service, Time};
 
 /// Something that is stepped at a fixed rate.
 pub trait Tick {
     /// One step at `now`, its outputs sent.
-    fn tick(&mut self, now: Time);
+    ///
+    /// # Errors
+    /// Where it is the step of another process, and that does not answer.
+    fn tick(&mut self, now: Time) -> Result<(), BusError>;
 }
 
 impl<S: Service> Tick for Runner<S> {
-    fn tick(&mut self, now: Time) {
+    fn tick(&mut self, now: Time) -> Result<(), BusError> {
         self.step(now);
         self.flush(now);
+        Ok(())
     }
 }
 
@@ -39,11 +43,14 @@ impl<'a> Stack<'a> {
     }
 
     /// Steps the next member that is due; returns when that was. `None` where there is no member.
-    pub fn step(&mut self) -> Option<Time> {
-        let next = self.members.iter_mut().min_by_key(|member| member.next_ns)?;
+    ///
+    /// # Errors
+    /// Where the member fails.
+    pub fn step(&mut self) -> Result<Option<Time>, BusError> {
+        let Some(next) = self.members.iter_mut().min_by_key(|member| member.next_ns) else { return Ok(None) };
         let now = Time::from_ns(next.next_ns);
-        next.tick.tick(now);
+        next.tick.tick(now)?;
         next.next_ns += next.period_ns;
-        Some(now)
+        Ok(Some(now))
     }
 }

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_bus::allocation::{Counting, allocations_in};
-use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time};
+use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, RawBatch, RawOutput, RawTopic, SharedConfig, Time};
 use fss_messages::{NavState, topic};
 use std::os::unix::fs::PermissionsExt;
 
@@ -57,5 +57,32 @@ fn the_newest_sample_is_the_one_that_is_seen() {
         assert!(input.fresh().is_none(), "it comes once");
     }
     drop((out, input));
+    fss_bus::remove_dead_nodes(&prefix, true).unwrap();
+}
+
+#[test]
+fn a_sample_that_is_known_by_its_definition_only_is_the_same_in_shared_and_in_local_memory() {
+    let prefix = format!("fsstestraw{}_", std::process::id());
+    let shared = Bus::shared(&SharedConfig { node: "test".to_owned(), prefix: prefix.clone() }).unwrap();
+    for bus in [&shared, &Bus::local()] {
+        let raw = RawTopic::of(topic::NAV_STATE);
+        let mut typed_out = Output::open(bus, topic::NAV_STATE).unwrap();
+        let mut raw_in = RawBatch::open(bus, &raw, 8).unwrap();
+        typed_out.publish(NavState { stamp_ns: 7, x_m: 1.5, ..NavState::default() });
+        typed_out.flush(Time::from_ns(9));
+        raw_in.refresh();
+        let samples: Vec<_> = raw_in.samples().map(<[u8]>::to_vec).collect();
+        assert_eq!(samples.len(), 1);
+        let raw_out = RawOutput::open(bus, &raw).unwrap();
+        let mut typed_in = Latest::open(bus, topic::NAV_STATE).unwrap();
+        assert!(raw_out.relay(&samples[0]));
+        assert!(!raw_out.relay(&samples[0][1..]), "not of the topic's size");
+        typed_in.refresh();
+        let sample = typed_in.fresh().unwrap();
+        assert_eq!((sample.sequence, sample.stamp_ns, sample.published_ns, sample.x_m), (1, 7, 9, 1.5));
+        let mut other = raw.clone();
+        other.definition.hash += 1;
+        assert!(RawOutput::open(bus, &other).is_err(), "another layout");
+    }
     fss_bus::remove_dead_nodes(&prefix, true).unwrap();
 }

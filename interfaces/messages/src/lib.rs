@@ -6,16 +6,19 @@
 //! such a struct are the body of the equivalent ROS 2 message in XCDR1 little endian (a primitive is aligned to its
 //! own size, there is no trailing padding), so a log record is [`CDR_HEADER`] and the sample's bytes.
 //!
-//! One definition (the `samples!` macro) gives the struct, its ROS 2 message definition ([`Sample::definition`]), the
+//! One definition (the `define_messages!` macro) gives the struct, its ROS 2 message definition ([`Sample::definition`]), the
 //! documentation of its topic and a hash that travels in the type's name through shared memory, so that two builds
 //! that disagree about a layout do not talk to each other.
 
+mod define;
+mod definition;
 mod event;
 pub mod parameter;
 mod samples;
 mod schema;
 pub mod topic;
 
+pub use definition::{Definition, DefinitionError};
 pub use samples::*;
 pub use schema::{Constant, Field, FieldType, Header, Sample, SampleVisitor, Scalar};
 
@@ -31,6 +34,14 @@ pub const MAX_SINES: usize = 3;
 pub const PACKAGE: &str = "fss_msgs";
 /// Encapsulation header of XCDR1, little endian: what stands before a sample's bytes in a log record.
 pub const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
+
+/// What the macros of this crate expand to; nothing for others.
+#[doc(hidden)]
+pub mod private {
+    pub use crate::message_field as field;
+    pub use crate::schema::{is_cdr_layout, layout_hash, type_name_bytes};
+    pub use {iceoryx2, zerocopy};
+}
 
 /// Text of at most `N - 1` bytes in a fixed field: cut at a character's border and filled with zeros.
 pub fn text<const N: usize>(s: &str) -> [u8; N] {

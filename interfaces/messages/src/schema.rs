@@ -72,13 +72,13 @@ macro_rules! field_types {
 }
 field_types!(u8 => U8, u16 => U16, u32 => U32, u64 => U64, i64 => I64, f64 => F64);
 
-/// One field of a sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Field {
+/// One field of a sample; of a [`Definition`](crate::Definition) with owned text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field<Text = &'static str> {
     /// Its name, with the unit where it has one.
-    pub name: &'static str,
+    pub name: Text,
     /// What it means, frames and all.
-    pub doc: &'static str,
+    pub doc: Text,
     /// The primitive.
     pub scalar: Scalar,
     /// How many of them; `None` for a single one.
@@ -87,15 +87,20 @@ pub struct Field {
     pub offset: usize,
 }
 
-impl Field {
+impl<Text: AsRef<str>> Field<Text> {
     /// Whether it holds text, as its documentation says: UTF-8, filled with zeros.
     pub fn is_text(&self) -> bool {
-        self.scalar == Scalar::U8 && self.count.is_some() && self.doc.contains("UTF-8")
+        self.scalar == Scalar::U8 && self.count.is_some() && self.doc.as_ref().contains("UTF-8")
     }
 
     /// Whether it only fills the room that the layout needs.
     pub fn is_padding(&self) -> bool {
-        self.name.starts_with("reserved")
+        self.name.as_ref().starts_with("reserved")
+    }
+
+    /// How many bytes it has.
+    pub fn size(&self) -> usize {
+        self.scalar.size() * self.count.unwrap_or(1)
     }
 }
 
@@ -114,8 +119,12 @@ pub struct Constant {
 pub trait Sample:
     Copy + core::fmt::Debug + PartialEq + IntoBytes + FromBytes + Immutable + KnownLayout + ZeroCopySend + Send + 'static
 {
+    /// The ROS 2 package of the message.
+    const PACKAGE: &'static str;
     /// The message's name, without its package.
     const NAME: &'static str;
+    /// Under which the type travels through shared memory: `PACKAGE/NAME@HASH`.
+    const TYPE_NAME: &'static str;
     /// What the sample is.
     const DOC: &'static str;
     /// Its fields in order, the header's first.
@@ -165,25 +174,33 @@ pub(crate) const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {
 }
 
 /// Hash of a sample's name and fields: two layouts that differ in a name, a type, a count or an order differ in it.
-pub(crate) const fn layout_hash(name: &str, fields: &[Field]) -> u64 {
-    let mut hash = fnv1a(0xcbf2_9ce4_8422_2325, name.as_bytes());
+pub const fn layout_hash(name: &str, fields: &[Field]) -> u64 {
+    let mut hash = name_hash(name);
     let mut i = 0;
     while i < fields.len() {
-        let f = &fields[i];
-        hash = fnv1a(hash, f.name.as_bytes());
-        hash = fnv1a(hash, f.scalar.ros_name().as_bytes());
-        let count = match f.count {
-            Some(n) => n as u64,
-            None => 0,
-        };
-        hash = fnv1a(hash, &count.to_le_bytes());
+        hash = field_hash(hash, fields[i].name, fields[i].scalar, fields[i].count);
         i += 1;
     }
     hash
 }
 
+/// The hash of a sample without fields.
+pub(crate) const fn name_hash(name: &str) -> u64 {
+    fnv1a(0xcbf2_9ce4_8422_2325, name.as_bytes())
+}
+
+/// The hash with one field more.
+pub(crate) const fn field_hash(hash: u64, name: &str, scalar: Scalar, count: Option<usize>) -> u64 {
+    let hash = fnv1a(fnv1a(hash, name.as_bytes()), scalar.ros_name().as_bytes());
+    let count = match count {
+        Some(n) => n as u64,
+        None => 0,
+    };
+    fnv1a(hash, &count.to_le_bytes())
+}
+
 /// Whether each field starts where XCDR1 puts it and the sample ends with its last field.
-pub(crate) const fn is_cdr_layout(fields: &[Field], size: usize) -> bool {
+pub const fn is_cdr_layout<Text>(fields: &[Field<Text>], size: usize) -> bool {
     let mut end: usize = 0;
     let mut i = 0;
     while i < fields.len() {
@@ -204,11 +221,11 @@ pub(crate) const fn is_cdr_layout(fields: &[Field], size: usize) -> bool {
     end == size
 }
 
-/// `"fss_msgs/NAME@HASH"` as bytes, for the name under which a type travels through shared memory.
-pub(crate) const fn type_name_bytes<const N: usize>(name: &str, hash: u64) -> [u8; N] {
+/// `"PACKAGE/NAME@HASH"` as bytes, for the name under which a type travels through shared memory.
+pub const fn type_name_bytes<const N: usize>(package: &str, name: &str, hash: u64) -> [u8; N] {
     let mut out = [0; N];
     let mut n = 0;
-    let parts: [&[u8]; 3] = [b"fss_msgs/", name.as_bytes(), b"@"];
+    let parts: [&[u8]; 4] = [package.as_bytes(), b"/", name.as_bytes(), b"@"];
     let mut p = 0;
     while p < parts.len() {
         let mut i = 0;
@@ -227,110 +244,6 @@ pub(crate) const fn type_name_bytes<const N: usize>(name: &str, hash: u64) -> [u
     }
     out
 }
-
-/// Defines samples: struct, layout assertions, schema and hash from one text.
-macro_rules! samples {
-    ($(
-        #[doc = $doc:literal]
-        $name:ident {
-            $( consts { $( #[doc = $cdoc:literal] $cname:ident = $cvalue:literal; )* } )?
-            $( #[doc = $fdoc:literal] $field:ident: $ty:ty, )*
-        }
-    )*) => {
-        $(
-            #[doc = $doc]
-            #[repr(C)]
-            #[derive(Clone, Copy, Debug, PartialEq, zerocopy::IntoBytes, zerocopy::FromBytes, zerocopy::Immutable, zerocopy::KnownLayout)]
-            pub struct $name {
-                /// Counts the samples of one publisher from 1.
-                pub sequence: u64,
-                /// Time of measurement, ns on the monotonic clock.
-                pub stamp_ns: u64,
-                /// Time of publication, ns on the monotonic clock.
-                pub published_ns: u64,
-                $( #[doc = $fdoc] pub $field: $ty, )*
-            }
-
-            impl $name {
-                $($( #[doc = $cdoc] pub const $cname: u8 = $cvalue; )*)?
-            }
-
-            impl Default for $name {
-                fn default() -> Self {
-                    <Self as $crate::Sample>::zeroed()
-                }
-            }
-
-            impl $crate::Sample for $name {
-                const NAME: &'static str = stringify!($name);
-                const DOC: &'static str = $doc.trim_ascii();
-                const FIELDS: &'static [$crate::Field] = &[
-                    $crate::schema::field!($name, sequence, u64, "counts the samples of one publisher from 1"),
-                    $crate::schema::field!($name, stamp_ns, u64, "time of measurement, ns, monotonic clock"),
-                    $crate::schema::field!($name, published_ns, u64, "time of publication, ns, monotonic clock"),
-                    $( $crate::schema::field!($name, $field, $ty, $fdoc.trim_ascii()), )*
-                ];
-                const CONSTANTS: &'static [$crate::Constant] = &[
-                    $($( $crate::Constant { name: stringify!($cname), value: $cvalue, doc: $cdoc.trim_ascii() }, )*)?
-                ];
-                const HASH: u64 = $crate::schema::layout_hash(Self::NAME, Self::FIELDS);
-
-                fn header(&self) -> $crate::Header {
-                    $crate::Header {
-                        sequence: self.sequence,
-                        stamp_ns: self.stamp_ns,
-                        published_ns: self.published_ns,
-                    }
-                }
-
-                fn set_header(&mut self, h: $crate::Header) {
-                    (self.sequence, self.stamp_ns, self.published_ns) = (h.sequence, h.stamp_ns, h.published_ns);
-                }
-            }
-
-            // SAFETY: the struct is repr(C) and holds only integers, floats and arrays of them, no pointer and no handle.
-            #[allow(unsafe_code)]
-            unsafe impl iceoryx2::prelude::ZeroCopySend for $name {
-                unsafe fn type_name() -> &'static str {
-                    const LENGTH: usize = "fss_msgs/@".len() + stringify!($name).len() + 16;
-                    const BYTES: [u8; LENGTH] =
-                        $crate::schema::type_name_bytes(stringify!($name), <$name as $crate::Sample>::HASH);
-                    match core::str::from_utf8(&BYTES) {
-                        Ok(name) => name,
-                        Err(_) => stringify!($name),
-                    }
-                }
-            }
-
-            const _: () = {
-                assert!(core::mem::align_of::<$name>() == 8, "a sample is aligned to 8 bytes");
-                assert!(
-                    $crate::schema::is_cdr_layout(<$name as $crate::Sample>::FIELDS, core::mem::size_of::<$name>()),
-                    "order the fields by size and fill with reserved bytes: the layout must be that of XCDR1"
-                );
-            };
-        )*
-
-        /// Calls the visitor with each sample type of this module, in the order of their definition.
-        pub(super) fn visit(visitor: &mut impl $crate::SampleVisitor) {
-            $( visitor.visit::<$name>(); )*
-        }
-    };
-}
-
-macro_rules! field {
-    ($sample:ident, $field:ident, $ty:ty, $doc:expr) => {
-        $crate::Field {
-            name: stringify!($field),
-            doc: $doc,
-            scalar: <$ty as $crate::FieldType>::SCALAR,
-            count: <$ty as $crate::FieldType>::COUNT,
-            offset: core::mem::offset_of!($sample, $field),
-        }
-    };
-}
-
-pub(crate) use {field, samples};
 
 /// Does something with a sample type.
 pub trait SampleVisitor {

@@ -45,6 +45,21 @@ pub fn is_shared(name: &str) -> bool {
     SHARED.iter().any(|shared| name.ends_with(shared))
 }
 
+/// Whether a topic may have this name: words behind slashes, of lower-case letters, digits and underscores.
+pub const fn is_name(name: &str) -> bool {
+    let bytes = name.as_bytes();
+    let (mut i, mut in_word) = (0, false);
+    while i < bytes.len() {
+        in_word = match bytes[i] {
+            b'/' if i == 0 || in_word => false,
+            b'a'..=b'z' | b'0'..=b'9' | b'_' if i > 0 => true,
+            _ => return false,
+        };
+        i += 1;
+    }
+    in_word
+}
+
 macro_rules! topics {
     ($( #[doc = $doc:literal] $constant:ident: $sample:ident = $name:literal, )*) => {
         $( #[doc = $doc] pub const $constant: Topic<$sample> = Topic::new($name); )*

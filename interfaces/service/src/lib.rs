@@ -1,177 +1,149 @@
-//! A service as a process: its run's folder, its schedule, shared memory, and the word to stop.
+//! The front door: the one crate that a service written elsewhere depends on.
 //!
-//! A launcher or systemd starts the process with [`SiteArgs`]. [`Site::open`] joins the stack, [`Site::fly`] runs the service until
-//! a signal, or the launcher, tells it to stop.
+//! A service is a pure step ([`Service`]): it reads its input ports, writes its output ports, and knows neither clock, socket nor
+//! shared memory. [`Program`] says how it is made from the launch file, and [`main!`] makes the program that a launcher starts,
+//! watches, restarts and stops, records and replays as it does fss's own services.
+//!
+//! ```no_run
+//! use fss_service::{Latest, Output, Program, Refusal, Service, Site, Time, inputs, main, message, outputs, topic, topics};
+//! use fss_service::messages::NavState;
+//! use serde::Deserialize;
+//!
+//! message! {
+//!     package damper_msgs;
+//!     /// What the damper wants.
+//!     DamperState {
+//!         /// torque on the base, N m
+//!         torque_nm: f64,
+//!     }
+//! }
+//!
+//! topic! {
+//!     /// What the damper wants; published by `damper`.
+//!     STATE: DamperState = "/damper/state",
+//! }
+//!
+//! inputs! {
+//!     /// What it reads.
+//!     pub struct Inputs {
+//!         /// Where the base is, and how it moves.
+//!         nav: Latest<NavState> = topics::NAV_STATE,
+//!     }
+//! }
+//!
+//! outputs! {
+//!     /// What it writes.
+//!     pub struct Outputs {
+//!         /// Once a step.
+//!         state: Output<DamperState> = STATE,
+//!     }
+//! }
+//!
+//! /// `config = { gain_nm_s_rad = 0.5 }` in the launch file.
+//! #[derive(Deserialize)]
+//! #[serde(deny_unknown_fields)]
+//! pub struct Config {
+//!     gain_nm_s_rad: f64,
+//! }
+//!
+//! pub struct Damper(Config);
+//!
+//! impl Service for Damper {
+//!     type Inputs = Inputs;
+//!     type Outputs = Outputs;
+//!     const NAME: &'static str = "damper";
+//!
+//!     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+//!         // Navigation that is older than 100 ms counts as none.
+//!         let Some(nav) = inputs.nav.within(now, 100_000_000) else { return };
+//!         let torque_nm = -self.0.gain_nm_s_rad * nav.omega_rad_s;
+//!         outputs.state.publish(DamperState { stamp_ns: now.ns(), torque_nm, ..DamperState::default() });
+//!     }
+//! }
+//!
+//! impl Program for Damper {
+//!     type Config = Config;
+//!
+//!     fn new(config: Config, _site: &Site) -> Result<Self, Refusal> {
+//!         if config.gain_nm_s_rad < 0.0 {
+//!             return Err("gain_nm_s_rad: a damper takes energy out; give a gain of zero or more".into());
+//!         }
+//!         Ok(Self(config))
+//!     }
+//! }
+//!
+//! main!(Damper);
+//! ```
+//!
+//! [`Process`] is what [`main!`] stands on: a process's stack, for programs that come with fss. [`RawProgram`] is what bindings to other
+//! languages stand on.
 
-use clap::Args;
-use fss_bus::launch::{Launch, SERVICES, Schedule};
-use fss_bus::{Bus, Feed, Queue, Runner, Service, SharedConfig, process};
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::ffi::OsString;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+mod description;
+mod process;
+mod program;
 
-/// Names of a stack's three files in a run's folder.
-pub const LAUNCH_FILE: &str = "launch.toml";
-/// The plant file's.
-pub const PLANT_FILE: &str = "plant.toml";
-/// The mission file's.
-pub const MISSION_FILE: &str = "mission.toml";
-/// How long a process may take to stop before it is killed.
-pub const STOP_TIME: Duration = Duration::from_secs(3);
+pub use description::{Description, FORMAT, PROGRAMS_FILE, PortDescription, ProgramEntry, read_programs, topics_of};
+pub use fss_bus::{Batch, InputPort, Latest, Output, OutputPort, Service, Time, inputs, outputs};
+pub use fss_messages as messages;
+pub use fss_messages::topic as topics;
+pub use process::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE, Process, STOP_TIME, SiteArgs, stop_on_signal};
+pub use program::{Program, RawProgram, Refusal, Site, run, run_raw};
 
-/// Where a single process finds its stack.
-#[derive(Args, Clone, Debug)]
-pub struct SiteArgs {
-    /// Folder of the run: holds launch.toml, plant.toml and mission.toml, and receives what the process writes.
-    #[arg(long, value_name = "DIR", default_value = ".")]
-    pub run: PathBuf,
-    /// Prefix of the stack in shared memory.
-    #[arg(long, default_value = "fss_")]
-    pub bus: String,
-    /// Seed of everything random in the simulated laboratory; the recorder notes it.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// How often this process has been started in this run.
-    #[arg(long, default_value_t = 1, hide = true)]
-    pub starts: u32,
-    /// What the process before it published last, in hexadecimal digits: the mission goes on from there.
-    #[arg(long, hide = true)]
-    pub resume: Option<String>,
-    /// Stop when standard input ends, as the launcher wants it.
-    #[arg(long, hide = true)]
-    pub supervised: bool,
-}
-
-impl SiteArgs {
-    /// The command line that says the same.
-    pub fn to_arguments(&self) -> Vec<OsString> {
-        let mut all: Vec<OsString> =
-            vec!["--run".into(), self.run.clone().into(), "--bus".into(), self.bus.clone().into()];
-        all.extend(["--seed".into(), self.seed.to_string().into(), "--starts".into(), self.starts.to_string().into()]);
-        if let Some(last) = &self.resume {
-            all.extend(["--resume".into(), last.into()]);
-        }
-        all.extend(self.supervised.then(|| "--supervised".into()));
-        all
-    }
-}
-
-/// What every process of a stack has.
-pub struct Site {
-    /// The run's folder.
-    pub folder: PathBuf,
-    /// The launch file; its devices' paths lie in the run's folder.
-    pub launch: Launch,
-    /// Shared memory.
-    pub bus: Bus,
-    /// Set when the process is to stop.
-    pub stop: Arc<AtomicBool>,
-    /// How often this process has been started in this run.
-    pub starts: u32,
-}
-
-impl Site {
-    /// Joins the stack of a run's folder as the service `name`.
-    ///
-    /// # Errors
-    /// Where the folder has no sound launch file, or shared memory cannot be opened.
-    pub fn open(name: &str, args: &SiteArgs) -> Result<Self> {
-        let path = args.run.join(LAUNCH_FILE);
-        let launch = Launch::parse(&read(&path)?, SERVICES);
-        Self::of(name, args, launch.map_err(|e| miette!(help = e.help, "{}: {}", path.display(), e.message))?)
-    }
-
-    /// The same with a launch file that has been read.
-    ///
-    /// # Errors
-    /// Where shared memory cannot be opened.
-    pub fn of(name: &str, args: &SiteArgs, launch: Launch) -> Result<Self> {
-        let stop = stop_on_signal()?;
-        if args.supervised {
-            stop_with_standard_input(stop.clone());
-        }
-        let node = format!("{name}-{}", std::process::id());
-        let bus = Bus::shared(&SharedConfig { node, prefix: args.bus.clone() }).into_diagnostic()?;
-        let bus = bus.for_stack(&launch);
-        let launch = launch.in_folder(&args.run);
-        Ok(Self { folder: args.run.clone(), launch, bus, stop, starts: args.starts })
-    }
-
-    /// The text of a file in the run's folder.
-    ///
-    /// # Errors
-    /// Where it cannot be read.
-    pub fn read(&self, file: &str) -> Result<String> {
-        read(&self.folder.join(file))
-    }
-
-    /// When a service runs.
-    ///
-    /// # Errors
-    /// Where the launch file does not have it.
-    pub fn schedule(&self, name: &str) -> Result<Schedule> {
-        let schedule = self.launch.schedule(name).cloned();
-        schedule.ok_or_else(|| miette!("the launch file has no [[service]] named '{name}'; add one with its rate_hz"))
-    }
-
-    /// Whether a service has a real-time priority: then what serves its devices is as urgent.
-    ///
-    /// # Errors
-    /// Where the launch file does not have it.
-    pub fn is_real_time(&self, name: &str) -> Result<bool> {
-        Ok(self.schedule(name)?.priority.is_some())
-    }
-
-    /// Runs a service until it is told to stop; gives it back.
-    ///
-    /// # Errors
-    /// Where a topic cannot be opened, or the loop fails.
-    pub fn fly<S: Service>(&self, service: S, after_step: impl FnMut()) -> Result<S> {
-        let schedule = self.schedule(S::NAME)?;
-        let mut runner = Runner::new(service, &self.bus).into_diagnostic()?;
-        process::run(&mut runner, &self.bus, &schedule, self.starts, &self.stop, after_step).into_diagnostic()?;
-        Ok(runner.service)
-    }
-
-    /// A queue between the service and a thread of its device.
-    ///
-    /// # Errors
-    /// Where another has the name.
-    pub fn queue<T: Send + 'static>(&self, name: &'static str) -> Result<Queue<T>> {
-        self.bus.queue(name, Feed::<T>::CAPACITY).into_diagnostic()
-    }
-}
-
-fn read(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))
-}
-
-/// A flag that Ctrl-C and termination set.
+/// Defines messages of a package: of each the struct, its ROS 2 definition and the hash of its layout.
 ///
-/// # Errors
-/// Where the signals cannot be caught.
-pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register(signal, stop.clone()).into_diagnostic()?;
-    }
-    Ok(stop)
+/// Each begins with `sequence`, `stamp_ns` and `published_ns`; the fields follow by size (8 bytes first), filled with `reserved0:
+/// [u8; N]` up to a multiple of 8 bytes. A field is a `u8`, `u16`, `u32`, `u64`, `i64`, `f64` or an array of them. Its documentation
+/// says the unit, and goes into the definition.
+///
+/// ```
+/// fss_service::message! {
+///     package damper_msgs;
+///     /// What the damper wants.
+///     DamperState {
+///         /// torque on the base, N m
+///         torque_nm: f64,
+///         /// 1 while it acts
+///         active: u8,
+///         /// zero
+///         reserved0: [u8; 7],
+///     }
+/// }
+///
+/// use fss_service::messages::Sample;
+/// assert_eq!(DamperState::FIELDS[3].name, "torque_nm");
+/// assert!(DamperState::TYPE_NAME.starts_with("damper_msgs/DamperState@"));
+/// ```
+#[macro_export]
+macro_rules! message {
+    (package $package:ident; $($messages:tt)+) => {
+        $crate::messages::define_messages! {
+            zerocopy "fss_service::messages::private::zerocopy";
+            package $package;
+            $($messages)+
+        }
+    };
 }
 
-/// Sets `stop` when standard input ends: the launcher's word, or its death. A process that cannot leave is killed by its
-/// launcher, or, where that is dead, leaves from here: iceoryx2 waits without end for shared memory whose maker was killed
-/// while making it.
-fn stop_with_standard_input(stop: Arc<AtomicBool>) {
-    std::thread::spawn(move || {
-        let mut byte = [0];
-        while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
-        stop.store(true, Ordering::Relaxed);
-        std::thread::sleep(2 * STOP_TIME);
-        eprintln!("this process could not leave in time: what it shares is left to the next start");
-        std::process::exit(1);
-    });
+/// Defines topics: a name for the program, the message, and the name for the world.
+///
+/// A topic's name is ROS style: `/NAME/state`, of lower-case letters, digits and underscores.
+#[macro_export]
+macro_rules! topic {
+    ($( #[doc = $doc:literal] $vis:vis $name:ident: $message:ty = $topic:literal ),* $(,)?) => {$(
+        #[doc = $doc]
+        $vis const $name: $crate::topics::Topic<$message> = {
+            assert!($crate::topics::is_name($topic), "a topic's name reads /word/word, of lower-case letters, digits and underscores");
+            $crate::topics::Topic::new($topic)
+        };
+    )*};
+}
+
+/// Makes the program of a service: `main!(MyService);` stands for `fn main`.
+#[macro_export]
+macro_rules! main {
+    ($service:ty) => {
+        fn main() -> std::process::ExitCode {
+            $crate::run::<$service>()
+        }
+    };
 }

@@ -5,7 +5,7 @@ use crossbeam::queue::ArrayQueue;
 use fss_bridge::device::{Device, Network};
 use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, SAID_QUEUE};
 use fss_bus::Service;
-use fss_service::{Site, SiteArgs};
+use fss_service::{Process, SiteArgs};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -21,7 +21,7 @@ struct Cli {
 
 fn main() -> Result<()> {
     tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(EnvFilter::from_default_env()).init();
-    let site = Site::open(Bridge::NAME, &Cli::parse().site)?;
+    let site = Process::open(Bridge::NAME, &Cli::parse().site)?;
     let endpoints = site.launch.bridge.clone().ok_or_else(|| miette!("the launch file has no [bridge]"))?;
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     let session = since.into_diagnostic().wrap_err("the calendar clock is unset")?.as_nanos() as u64;

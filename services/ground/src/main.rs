@@ -4,7 +4,7 @@ use clap::Parser;
 use fss_bus::Service;
 use fss_ground::{Ground, GroundConfig, overflow_layer};
 use fss_plant::Plant;
-use fss_service::{MISSION_FILE, PLANT_FILE, Site, SiteArgs};
+use fss_service::{MISSION_FILE, PLANT_FILE, Process, SiteArgs};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 use tracing_subscriber::layer::SubscriberExt;
@@ -32,7 +32,7 @@ fn main() -> Result<()> {
     let words = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
     let words = words.with_filter(EnvFilter::from_default_env());
     tracing_subscriber::registry().with(words).with(overflow_layer()).init();
-    let site = Site::open(Ground::NAME, &Cli::parse().site)?;
+    let site = Process::open(Ground::NAME, &Cli::parse().site)?;
     let where_to = site.launch.ground.clone().ok_or_else(|| {
         miette!(help = "[ground]\nlisten = \"127.0.0.1:8765\"", "the launch file does not say where to listen")
     })?;

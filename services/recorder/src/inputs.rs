@@ -1,11 +1,10 @@
 //! Every topic as an input.
 
 use crate::block::Block;
-use crate::tape::Definition;
-use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Time};
+use crate::tape::{Definition, header_of};
+use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, RawBatch, Time};
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{Sample, Step};
-use fss_records::log::LogWriter;
 
 /// Length of a service's name in samples that several services publish.
 const SERVICE_LEN: usize = 16;
@@ -16,7 +15,7 @@ pub struct AllTopics {
 }
 
 impl AllTopics {
-    /// The topics, in the order of [`topic::NAMES`], and behind them those of other vehicles.
+    /// The topics, in the order of [`topic::NAMES`], behind them those of other vehicles, and those of programs written elsewhere.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &dyn TopicInput> {
         self.topics.iter().map(AsRef::as_ref)
     }
@@ -100,6 +99,37 @@ impl<T: Sample> TopicInput for Input<T> {
     }
 }
 
+/// A topic that a program written elsewhere publishes.
+struct RawInput {
+    batch: RawBatch,
+    newest_ns: Option<u64>,
+}
+
+impl TopicInput for RawInput {
+    fn refresh(&mut self) {
+        self.batch.refresh();
+        let stamps = self.batch.samples().filter_map(header_of).map(|header| header.stamp_ns);
+        self.newest_ns = stamps.last().or(self.newest_ns);
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        self.newest_ns.map_or(u64::MAX, |stamp_ns| now.age_ns(stamp_ns))
+    }
+
+    fn write_to(&self, block: &mut Block, topic: usize, from: usize) -> usize {
+        from + self.batch.samples().skip(from).take_while(|sample| block.push(topic, sample)).count()
+    }
+
+    fn len(&self) -> usize {
+        self.batch.samples().len()
+    }
+
+    fn count_gaps(&self, publishers: &mut Publishers) -> u64 {
+        let headers = self.batch.samples().filter_map(header_of);
+        headers.map(|header| publishers.follow([0; SERVICE_LEN], header.sequence)).sum()
+    }
+}
+
 struct Opener<'a> {
     bus: &'a Bus,
     /// The one topic of another vehicle; all of this one where absent.
@@ -140,6 +170,10 @@ impl InputPorts for AllTopics {
             topic::visit(&mut opener);
             opener.outcome
         })?;
+        for topic in bus.program_topics() {
+            let batch = RawBatch::open(bus, topic, Batch::<Step>::CAPACITY)?;
+            topics.push(Box::new(RawInput { batch, newest_ns: None }));
+        }
         Ok(Self { topics })
     }
 
@@ -174,7 +208,7 @@ impl TopicVisitor for Definitions<'_> {
                 topic: self.bus.full_name(topic.name),
                 // What the bridge itself says of another vehicle is on this host's clock.
                 has_own_clock: self.only.is_some_and(|only| only != topic::PEER.name),
-                add: LogWriter::add_topic::<T>,
+                sample: fss_messages::Definition::of::<T>(),
             });
         }
     }
@@ -188,5 +222,10 @@ pub(crate) fn definitions(bus: &Bus) -> Vec<Definition> {
         Ok(())
     });
     let Ok(()) = all;
+    definitions.extend(bus.program_topics().iter().map(|topic| Definition {
+        topic: bus.full_name(&topic.name),
+        has_own_clock: false,
+        sample: topic.definition.clone(),
+    }));
     definitions
 }

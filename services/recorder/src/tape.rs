@@ -32,7 +32,8 @@ pub(crate) struct Definition {
     pub(crate) topic: String,
     /// Whether its samples' times are another host's: they enter the log at the time of those that came with them.
     pub(crate) has_own_clock: bool,
-    pub(crate) add: fn(&mut LogWriter, &str) -> Result<Recorded, LogError>,
+    /// What its samples are.
+    pub(crate) sample: fss_messages::Definition,
 }
 
 /// Samples that could not be kept, by topic; written by the service and the tape, read by both.
@@ -88,7 +89,7 @@ impl Tape {
     fn begin_part(&mut self) -> Result<(), LogError> {
         self.parts += 1;
         let mut log = (self.open)(self.parts)?;
-        let add = |definition: &Definition| (definition.add)(&mut log, &definition.topic);
+        let add = |definition: &Definition| log.add_topic_of(&definition.topic, &definition.sample);
         let channels = self.definitions.iter().map(add).collect::<Result<_, _>>()?;
         // Schemas and channels are on the disk before the first sample is.
         log.flush()?;
@@ -208,7 +209,7 @@ impl Tape {
 }
 
 /// The header with which each sample starts.
-fn header_of(sample: &[u8]) -> Option<Header> {
+pub(crate) fn header_of(sample: &[u8]) -> Option<Header> {
     let number = |at: usize| Some(u64::from_le_bytes(*sample.get(at..)?.first_chunk()?));
     Some(Header { sequence: number(0)?, stamp_ns: number(8)?, published_ns: number(16)? })
 }

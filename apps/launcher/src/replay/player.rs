@@ -21,7 +21,7 @@ pub(super) struct Difference {
     /// Time of the step since the log's first, s.
     pub time_s: f64,
     /// The topic.
-    pub topic: &'static str,
+    pub topic: String,
     /// The field, with its index where it is one of several; none where the sample itself is missing or too many.
     pub field: Option<String>,
     /// What the log holds.
@@ -41,7 +41,7 @@ impl fmt::Display for Difference {
 #[derive(Serialize)]
 pub(super) struct Verdict {
     /// Its name.
-    pub service: &'static str,
+    pub service: String,
     /// How often it was started.
     pub starts: usize,
     /// Steps computed again.
@@ -54,6 +54,29 @@ pub(super) struct Verdict {
     pub differences: Vec<Difference>,
     /// What could not be replayed, and why.
     pub gaps: Vec<String>,
+}
+
+impl Verdict {
+    /// Of a service that has lived so, before anything was computed.
+    pub(super) fn of(service: &str, lives: &[Vec<Step>]) -> Self {
+        Self {
+            service: service.to_owned(),
+            starts: lives.iter().filter(|life| life[0].step == 1).count(),
+            steps: 0,
+            samples: 0,
+            difference_count: 0,
+            differences: Vec::new(),
+            gaps: Vec::new(),
+        }
+    }
+
+    /// Counts a difference, and keeps it where it is one of the first.
+    pub(super) fn add(&mut self, difference: Difference) {
+        self.difference_count += 1;
+        if self.differences.len() < KEPT {
+            self.differences.push(difference);
+        }
+    }
 }
 
 /// A port that gets what a step's record names.
@@ -174,20 +197,26 @@ impl<T: Sample> Checker for ToTopic<'_, T> {
 }
 
 /// Calls `found` with each value of two samples' bytes that differs.
-fn each_difference(fields: &[Field], was: &[u8], is: &[u8], mut found: impl FnMut(String, String, String)) {
+pub(super) fn each_difference<Text: AsRef<str>>(
+    fields: &[Field<Text>],
+    was: &[u8],
+    is: &[u8],
+    mut found: impl FnMut(String, String, String),
+) {
     for field in fields {
         let (size, count) = (field.scalar.size(), field.count.unwrap_or(1));
         let range = field.offset..field.offset + size * count;
         // A text is one value.
-        if matches!(field.name, "service" | "text") && was[range.clone()] != is[range.clone()] {
+        let name = field.name.as_ref();
+        if matches!(name, "service" | "text") && was[range.clone()] != is[range.clone()] {
             let words = |bytes: &[u8]| format!("\"{}\"", text_of(&bytes[range.clone()]));
-            found(field.name.to_owned(), words(was), words(is));
+            found(name.to_owned(), words(was), words(is));
             continue;
         }
         for i in 0..count {
             let at = field.offset + i * size..field.offset + (i + 1) * size;
             if was[at.clone()] != is[at.clone()] {
-                let name = field.count.map_or_else(|| field.name.to_owned(), |_| format!("{}.{i}", field.name));
+                let name = field.count.map_or_else(|| name.to_owned(), |_| format!("{name}.{i}"));
                 found(name, value(field.scalar, &was[at.clone()]), value(field.scalar, &is[at]));
             }
         }
@@ -300,15 +329,7 @@ pub(super) fn replay<'a, S: Service>(
     open: impl Fn(&[Step]) -> Result<Player<'a, S>>,
 ) -> Result<Verdict> {
     let lives = tape.lives(S::NAME);
-    let mut verdict = Verdict {
-        service: S::NAME,
-        starts: lives.iter().filter(|life| life[0].step == 1).count(),
-        steps: 0,
-        samples: 0,
-        difference_count: 0,
-        differences: Vec::new(),
-        gaps: Vec::new(),
-    };
+    let mut verdict = Verdict::of(S::NAME, &lives);
     let begin_ns = tape.steps.iter().map(|step| step.stamp_ns).min().unwrap_or(0);
     let mut start = 0;
     for life in &lives {
@@ -325,23 +346,13 @@ pub(super) fn replay<'a, S: Service>(
                 break;
             }
             verdict.steps += 1;
-            let Verdict { samples, difference_count, differences, .. } = &mut verdict;
+            let time_s = step.stamp_ns.saturating_sub(begin_ns) as f64 * 1e-9;
             for output in &mut player.outputs {
-                *samples += output.check(step, &mut |topic, field, recorded, recomputed| {
-                    *difference_count += 1;
-                    if differences.len() < KEPT {
-                        let time_s = step.stamp_ns.saturating_sub(begin_ns) as f64 * 1e-9;
-                        differences.push(Difference {
-                            start,
-                            step: step.step,
-                            time_s,
-                            topic,
-                            field,
-                            recorded,
-                            recomputed,
-                        });
-                    }
+                let samples = output.check(step, &mut |topic, field, recorded, recomputed| {
+                    let topic = topic.to_owned();
+                    verdict.add(Difference { start, step: step.step, time_s, topic, field, recorded, recomputed });
                 });
+                verdict.samples += samples;
             }
         }
     }

@@ -1,6 +1,6 @@
 //! What is wanted of the vehicle, and what its valves do.
 
-use crate::schema::samples;
+use crate::define::samples;
 use crate::{MAX_LINKS, MAX_SINES, MAX_THRUSTERS};
 
 samples! {

@@ -1,7 +1,7 @@
 //! What the stack says of itself.
 
 use crate::MAX_PORTS;
-use crate::schema::samples;
+use crate::define::samples;
 
 samples! {
     /// Something that happened.

@@ -1,7 +1,7 @@
 //! What sensors and navigation say.
 
 use crate::MAX_LINKS;
-use crate::schema::samples;
+use crate::define::samples;
 
 samples! {
     /// Pose of a tracked body in the table frame.

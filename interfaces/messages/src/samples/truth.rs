@@ -1,6 +1,6 @@
 //! What only the simulated laboratory knows.
 
-use crate::schema::samples;
+use crate::define::samples;
 use crate::{MAX_LINKS, MAX_THRUSTERS};
 
 samples! {

@@ -1,7 +1,7 @@
 //! What a researcher may tune in flight, and what the ground may command.
 
+use crate::define::samples;
 use crate::parameter::Parameter;
-use crate::schema::samples;
 
 /// Defines the parameters that can be tuned in flight: name with unit, whose it is, default, bounds, meaning. From that come
 /// the sample that carries them, a field each, and the table [`PARAMETERS`].

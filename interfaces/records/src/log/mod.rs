@@ -40,6 +40,16 @@ pub enum LogError {
     /// A table could not be written.
     #[error(transparent)]
     Table(crate::table::TableError),
+    /// A topic's messages are no plain samples.
+    #[error("{path}: topic {topic} cannot be read: {reason}", path = path.display())]
+    Schema {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// What its schema has that no plain sample has.
+        reason: String,
+    },
     /// A topic holds another sample, or another version of it.
     #[error("{path}: topic {topic} does not hold this build's {sample}: {reason}", path = path.display())]
     Sample {

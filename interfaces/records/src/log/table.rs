@@ -2,27 +2,11 @@
 
 use super::{Log, LogError};
 use crate::table::{Column, Table, TableError, Values};
-use fss_messages::{Field, Sample, SampleVisitor, Scalar, text_of, visit_samples};
+use fss_messages::{Definition, Field, Scalar, text_of};
 
-/// How to read the messages of one schema.
-struct Layout {
-    name: &'static str,
-    hash: u64,
-    fields: Vec<&'static Field>,
-}
-
-struct Finder<'a> {
-    schema: &'a str,
-    found: Option<Layout>,
-}
-
-impl SampleVisitor for Finder<'_> {
-    fn visit<T: Sample>(&mut self) {
-        if self.schema.rsplit('/').next() == Some(T::NAME) {
-            let fields = T::FIELDS.iter().filter(|field| !field.is_padding()).collect();
-            self.found = Some(Layout { name: T::NAME, hash: T::HASH, fields });
-        }
-    }
+/// The columns of a message: all of its fields but those that only fill the layout.
+fn columns(definition: &Definition) -> impl Iterator<Item = &Field<String>> {
+    definition.fields.iter().filter(|field| !field.is_padding())
 }
 
 impl Log {
@@ -30,41 +14,38 @@ impl Log {
     /// is text, and what only fills a sample's layout is left out.
     ///
     /// # Errors
-    /// Where the topic's schema is none of this build's, or `each` fails.
+    /// Where the topic's schema is none of plain samples, or `each` fails.
     pub fn tables(
         &self,
         topic: &str,
         most_rows: usize,
         mut each: impl FnMut(&Table) -> Result<(), TableError>,
     ) -> Result<(), LogError> {
-        let refused = |sample: &'static str, reason: String| LogError::Sample {
-            path: self.path().to_owned(),
-            topic: topic.to_owned(),
-            sample,
-            reason,
-        };
-        let mut reading: Option<(Layout, Table)> = None;
+        let refused =
+            |reason: String| LogError::Schema { path: self.path().to_owned(), topic: topic.to_owned(), reason };
+        let mut reading: Option<(Definition, Table)> = None;
         let mut outcome = Ok(());
         self.for_each(|channel, _, body| {
             if channel.topic != topic || outcome.is_err() {
                 return;
             }
             if reading.is_none() {
-                match layout_of(channel) {
-                    Ok(layout) => {
-                        let table = empty(&layout);
-                        reading = Some((layout, table));
+                match definition_of(channel) {
+                    Ok(definition) => {
+                        let table = empty(&definition);
+                        reading = Some((definition, table));
                     }
-                    Err((sample, reason)) => outcome = Err(refused(sample, reason)),
+                    Err(reason) => outcome = Err(refused(reason)),
                 }
             }
-            let Some((layout, table)) = &mut reading else { return };
+            let Some((definition, table)) = &mut reading else { return };
             if table.rows() == most_rows {
                 outcome = each(table).map_err(LogError::Table);
-                *table = empty(layout);
+                *table = empty(definition);
             }
-            if !add_row(layout, table, body) {
-                outcome = Err(refused(layout.name, format!("a message has only {} bytes", body.len())));
+            if !add_row(definition, table, body) {
+                let (name, len) = (&definition.name, body.len());
+                outcome = Err(refused(format!("a {name} has only {len} bytes")));
             }
         })?;
         outcome?;
@@ -72,20 +53,15 @@ impl Log {
     }
 }
 
-fn layout_of(channel: &mcap::Channel<'_>) -> Result<Layout, (&'static str, String)> {
-    let schema = channel.schema.as_ref().map_or("", |schema| schema.name.as_str());
-    let mut finder = Finder { schema, found: None };
-    visit_samples(&mut finder);
-    let found = finder.found.ok_or_else(|| ("samples", format!("its schema is '{schema}'")))?;
-    let hash = format!("{:016x}", found.hash);
-    if channel.metadata.get("layout_hash").is_some_and(|other| *other != hash) {
-        return Err((found.name, "another build with another layout recorded it".to_owned()));
-    }
-    Ok(found)
+/// What the log itself says of a topic's messages: those of another build, or of a service written elsewhere, are read as well.
+fn definition_of(channel: &mcap::Channel<'_>) -> Result<Definition, String> {
+    let schema = channel.schema.as_ref().ok_or_else(|| "it has no schema".to_owned())?;
+    let text = std::str::from_utf8(&schema.data).map_err(|e| e.to_string())?;
+    Definition::parse(&schema.name, text).map_err(|e| format!("{}: {e}", schema.name))
 }
 
-fn empty(layout: &Layout) -> Table {
-    let column = |field: &&'static Field| {
+fn empty(definition: &Definition) -> Table {
+    let column = |field: &Field<String>| {
         let values = match field.scalar {
             _ if field.is_text() => Values::Text(Vec::new()),
             Scalar::U8 => Values::U8(Vec::new()),
@@ -96,16 +72,15 @@ fn empty(layout: &Layout) -> Table {
             Scalar::F64 => Values::F64(Vec::new()),
         };
         let width = field.count.filter(|_| !field.is_text());
-        Column { name: field.name.to_owned(), width, values }
+        Column { name: field.name.clone(), width, values }
     };
-    Table { columns: layout.fields.iter().map(column).collect() }
+    Table { columns: columns(definition).map(column).collect() }
 }
 
 /// Appends a message's values; false where it is too short.
-fn add_row(layout: &Layout, table: &mut Table, body: &[u8]) -> bool {
-    for (field, column) in layout.fields.iter().zip(&mut table.columns) {
-        let len = field.scalar.size() * field.count.unwrap_or(1);
-        let Some(bytes) = body.get(field.offset..field.offset + len) else { return false };
+fn add_row(definition: &Definition, table: &mut Table, body: &[u8]) -> bool {
+    for (field, column) in columns(definition).zip(&mut table.columns) {
+        let Some(bytes) = body.get(field.offset..field.offset + field.size()) else { return false };
         push(&mut column.values, bytes);
     }
     true

@@ -1,7 +1,7 @@
 //! Writing a log.
 
 use super::LogError;
-use fss_messages::{CDR_HEADER, Header, PACKAGE, Sample};
+use fss_messages::{CDR_HEADER, Definition, Header, Sample};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions, Writer};
 use std::borrow::Cow;
@@ -69,12 +69,19 @@ impl LogWriter {
     /// # Errors
     /// Where the file refuses.
     pub fn add_topic<T: Sample>(&mut self, topic: &str) -> Result<Recorded, LogError> {
-        let name = format!("{PACKAGE}/msg/{}", T::NAME);
+        self.add_topic_of(topic, &Definition::of::<T>())
+    }
+
+    /// Adds a topic of samples that are known by their definition.
+    ///
+    /// # Errors
+    /// Where the file refuses.
+    pub fn add_topic_of(&mut self, topic: &str, definition: &Definition) -> Result<Recorded, LogError> {
         let schema = self
             .mcap
-            .add_schema(&name, "ros2msg", T::definition().as_bytes())
+            .add_schema(&definition.schema(), "ros2msg", definition.text.as_bytes())
             .map_err(|e| mcap_error(&self.path, e))?;
-        let metadata = BTreeMap::from([("layout_hash".to_owned(), format!("{:016x}", T::HASH))]);
+        let metadata = BTreeMap::from([("layout_hash".to_owned(), format!("{:016x}", definition.hash))]);
         let id = self.mcap.add_channel(schema, topic, "cdr", &metadata).map_err(|e| mcap_error(&self.path, e))?;
         Ok(Recorded(id))
     }

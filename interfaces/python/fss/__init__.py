@@ -1,0 +1,1 @@
+"""The front door for services in Python: see fss.service."""

@@ -1,0 +1,190 @@
+//! One process of a stack: its run's folder, its schedule, shared memory, the word to stop.
+
+use crate::description::{read_programs, topics_of};
+use crate::program::Site;
+use clap::Args;
+use fss_bus::launch::{Launch, SERVICES, Schedule};
+use fss_bus::{Bus, Feed, Queue, Runner, Service, SharedConfig, process};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use std::ffi::OsString;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// The launch file's name in a run's folder.
+pub const LAUNCH_FILE: &str = "launch.toml";
+/// The plant file's.
+pub const PLANT_FILE: &str = "plant.toml";
+/// The mission file's.
+pub const MISSION_FILE: &str = "mission.toml";
+/// How long a process may take to stop before it is killed.
+pub const STOP_TIME: Duration = Duration::from_secs(3);
+
+/// Where a single process finds its stack.
+#[derive(Args, Clone, Debug)]
+pub struct SiteArgs {
+    /// Folder of the run: holds launch.toml, plant.toml and mission.toml, and receives what the process writes.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub run: PathBuf,
+    /// Prefix of the stack in shared memory.
+    #[arg(long, default_value = "fss_")]
+    pub bus: String,
+    /// Seed of everything random in the simulated laboratory; the recorder notes it.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// How often this process has been started in this run.
+    #[arg(long, default_value_t = 1, hide = true)]
+    pub starts: u32,
+    /// What the process before it published last, in hexadecimal digits: the mission goes on from there.
+    #[arg(long, hide = true)]
+    pub resume: Option<String>,
+    /// Stop when standard input ends, as the launcher wants it.
+    #[arg(long, hide = true)]
+    pub supervised: bool,
+}
+
+impl SiteArgs {
+    /// The command line that says the same.
+    pub fn to_arguments(&self) -> Vec<OsString> {
+        let mut all: Vec<OsString> =
+            vec!["--run".into(), self.run.clone().into(), "--bus".into(), self.bus.clone().into()];
+        all.extend(["--seed".into(), self.seed.to_string().into(), "--starts".into(), self.starts.to_string().into()]);
+        if let Some(last) = &self.resume {
+            all.extend(["--resume".into(), last.into()]);
+        }
+        all.extend(self.supervised.then(|| "--supervised".into()));
+        all
+    }
+}
+
+/// What every process of a stack has.
+pub struct Process {
+    /// The run's folder.
+    pub folder: PathBuf,
+    /// The launch file; its devices' paths lie in the run's folder.
+    pub launch: Launch,
+    /// Shared memory.
+    pub bus: Bus,
+    /// Set when the process is to stop.
+    pub stop: Arc<AtomicBool>,
+    /// How often this process has been started in this run.
+    pub starts: u32,
+}
+
+impl Process {
+    /// Joins the stack of a run's folder as the service `name`.
+    ///
+    /// # Errors
+    /// Where the folder has no sound launch file, or shared memory cannot be opened.
+    pub fn open(name: &str, args: &SiteArgs) -> Result<Self> {
+        let path = args.run.join(LAUNCH_FILE);
+        let launch = Launch::parse(&read(&path)?, SERVICES);
+        Self::of(name, args, launch.map_err(|e| miette!(help = e.help, "{}: {}", path.display(), e.message))?)
+    }
+
+    /// The same with a launch file that has been read.
+    ///
+    /// # Errors
+    /// Where shared memory cannot be opened.
+    pub fn of(name: &str, args: &SiteArgs, launch: Launch) -> Result<Self> {
+        let stop = stop_on_signal()?;
+        if args.supervised {
+            stop_with_standard_input(stop.clone());
+        }
+        let node = format!("{name}-{}", std::process::id());
+        let bus = Bus::shared(&SharedConfig { node, prefix: args.bus.clone() }).into_diagnostic()?;
+        let bus = bus.for_stack(&launch).with_program_topics(topics_of(&read_programs(&args.run)?)?);
+        let launch = launch.in_folder(&args.run);
+        Ok(Self { folder: args.run.clone(), launch, bus, stop, starts: args.starts })
+    }
+
+    /// What a service may know of where it flies.
+    ///
+    /// # Errors
+    /// Where the launch file does not have it, or a file of the run's folder cannot be read.
+    pub fn site(&self, name: &str) -> Result<Site> {
+        Ok(Site {
+            rate_hz: *self.schedule(name)?.rate_hz.get_ref(),
+            starts: self.starts,
+            vehicle: self.launch.vehicle.clone(),
+            plant_text: self.read(PLANT_FILE)?,
+            mission_text: self.read(MISSION_FILE)?,
+        })
+    }
+
+    /// The text of a file in the run's folder.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn read(&self, file: &str) -> Result<String> {
+        read(&self.folder.join(file))
+    }
+
+    /// When a service runs.
+    ///
+    /// # Errors
+    /// Where the launch file does not have it.
+    pub fn schedule(&self, name: &str) -> Result<Schedule> {
+        let schedule = self.launch.schedule(name).cloned();
+        schedule.ok_or_else(|| miette!("the launch file has no [[service]] named '{name}'; add one with its rate_hz"))
+    }
+
+    /// Whether a service has a real-time priority: then what serves its devices is as urgent.
+    ///
+    /// # Errors
+    /// Where the launch file does not have it.
+    pub fn is_real_time(&self, name: &str) -> Result<bool> {
+        Ok(self.schedule(name)?.priority.is_some())
+    }
+
+    /// Runs a service until it is told to stop; gives it back.
+    ///
+    /// # Errors
+    /// Where a topic cannot be opened, or the loop fails.
+    pub fn fly<S: Service>(&self, service: S, after_step: impl FnMut()) -> Result<S> {
+        let schedule = self.schedule(S::NAME)?;
+        let mut runner = Runner::new(service, &self.bus).into_diagnostic()?;
+        process::run(&mut runner, &self.bus, &schedule, self.starts, &self.stop, after_step).into_diagnostic()?;
+        Ok(runner.service)
+    }
+
+    /// A queue between the service and a thread of its device.
+    ///
+    /// # Errors
+    /// Where another has the name.
+    pub fn queue<T: Send + 'static>(&self, name: &'static str) -> Result<Queue<T>> {
+        self.bus.queue(name, Feed::<T>::CAPACITY).into_diagnostic()
+    }
+}
+
+pub(crate) fn read(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))
+}
+
+/// A flag that Ctrl-C and termination set.
+///
+/// # Errors
+/// Where the signals cannot be caught.
+pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, stop.clone()).into_diagnostic()?;
+    }
+    Ok(stop)
+}
+
+/// Sets `stop` when standard input ends: the launcher's word, or its death. A process that cannot leave is killed by its
+/// launcher, or, where that is dead, leaves from here: iceoryx2 waits without end for shared memory whose maker was killed
+/// while making it.
+fn stop_with_standard_input(stop: Arc<AtomicBool>) {
+    std::thread::spawn(move || {
+        let mut byte = [0];
+        while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
+        stop.store(true, Ordering::Relaxed);
+        std::thread::sleep(2 * STOP_TIME);
+        eprintln!("this process could not leave in time: what it shares is left to the next start");
+        std::process::exit(1);
+    });
+}

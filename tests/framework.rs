@@ -1,0 +1,215 @@
+//! Services written elsewhere: made in a folder outside the repository, flown beside ours on both clocks, killed, recorded, and
+//! computed again; and what happens when they do wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use common::{refused, skipped, succeed, text};
+use fss_messages::{Sample, topic};
+use serde_json::json;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A mission of 6 s in which valves fire.
+const MISSION: &str = "name = \"turn\"\ndescription = \"The base turns.\"\n[[phase]]\nname = \"turn\"\nduration_s = 6\n\
+    base = { goal = \"goto\", x_m = 0, y_m = 0, theta_deg = 15 }\narm = { goal = \"hold\" }\n";
+
+/// What services that are built here share: foreign crates are compiled once.
+fn target() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("framework")
+}
+
+/// Runs `./check` of a service's folder.
+fn check(folder: &Path) -> String {
+    let output = Command::new(folder.join("check"))
+        .env("FSS", env!("CARGO_BIN_EXE_fss"))
+        .env("CARGO_TARGET_DIR", target())
+        .env("CARGO_NET_OFFLINE", "true")
+        .env("CARGO_PROFILE_DEV_DEBUG", "false")
+        .output()
+        .unwrap();
+    let said = [text(&output.stdout), text(&output.stderr)].concat();
+    assert!(output.status.success(), "./check fails:\n{said}");
+    said
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The steps that a replay computed again of a service, and in how many starts; all services' must be identical.
+fn replayed(log: &Path, service: &str) -> (u64, u64) {
+    let answer: serde_json::Value = serde_json::from_str(&succeed(&["replay", "--json", path(log)])).unwrap();
+    assert_eq!(answer["identical"], true, "{answer:#}");
+    let services = answer["services"].as_array().unwrap();
+    let verdict = services.iter().find(|verdict| verdict["service"] == service).unwrap();
+    (verdict["steps"].as_u64().unwrap(), verdict["starts"].as_u64().unwrap())
+}
+
+/// The process of a service in the stack of this folder.
+fn process_of(name: &str, folder: &Path) -> Option<u32> {
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let mut ids = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    ids.find(|id| {
+        let line = text(&std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default());
+        line.contains(name) && line.contains(path(folder))
+    })
+}
+
+/// One flight at a time: all take the same addresses, and a host of two cores.
+static REAL_TIME: Mutex<()> = Mutex::new(());
+
+/// Flies in real time, kills the service while valves fire, and gives the log.
+fn fly_and_kill(service: &Path, name: &str) -> PathBuf {
+    let _alone = REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let launch = std::fs::read_to_string(service.join("launch.toml")).unwrap();
+    let launch = launch.replace("51001", "54301").replace("5110", "5441");
+    std::fs::write(service.join("real-time.toml"), launch).unwrap();
+    std::fs::write(service.join("turn.toml"), MISSION).unwrap();
+    let out = service.join("real-time");
+    let run = Command::new(env!("CARGO_BIN_EXE_fss"))
+        .args(["run", "--quiet"])
+        .arg(service.join("turn.toml"))
+        .arg("--launch")
+        .arg(service.join("real-time.toml"))
+        .arg("--out")
+        .arg(&out)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let asked = Instant::now();
+    let first = loop {
+        if let Some(id) = process_of(name, &out) {
+            break id;
+        }
+        assert!(asked.elapsed() < Duration::from_secs(20), "the service does not start");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(Command::new("kill").args(["-9", &first.to_string()]).status().unwrap().success());
+    let output = run.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    out.join("run.mcap")
+}
+
+/// Makes a service in a folder outside the repository, flies it on both clocks, kills it, and computes it again.
+fn fly_everywhere(place: &Path, name: &str, language: &str) {
+    let folder = place.canonicalize().unwrap().join("here");
+    succeed(&["new", "service", name, language, "--out", path(&folder)]);
+    let said = check(&folder);
+    assert!(said.contains(&format!("/{name}/state is in the log at 50.00 Hz")), "{said}");
+
+    // The same seed, the same bytes, whatever the two processes did meanwhile.
+    let (launch, again) = (folder.join("launch.toml"), folder.join("again"));
+    succeed(&["run", "hold", "--fast", "--quiet", "--launch", path(&launch), "--out", path(&again)]);
+    let log = folder.join("out/run.mcap");
+    assert!(std::fs::read(&log).unwrap() == std::fs::read(again.join("run.mcap")).unwrap(), "two fast flights differ");
+    let (steps, starts) = replayed(&log, name);
+    assert!(steps > 1000 && starts == 1, "{steps} steps in {starts} starts");
+
+    succeed(&["log", "export", path(&log), "--out", path(&folder.join("tables"))]);
+    let table = std::fs::read_to_string(folder.join(format!("tables/{name}.state.csv"))).unwrap();
+    assert!(table.lines().next().unwrap().contains("speed_m_s"), "{table:.200}");
+    assert_eq!(table.lines().count() as u64, steps + 1);
+
+    let (steps, starts) = replayed(&fly_and_kill(&folder, name), name);
+    assert!(steps > 200 && starts == 2, "{steps} steps in {starts} starts");
+
+    // What it refuses ends the flight with its own words.
+    let launch = std::fs::read_to_string(launch).unwrap();
+    let wrong = folder.join("wrong.toml");
+    let fly = ["run", "hold", "--fast", "--quiet", "--launch", path(&wrong), "--out", path(&again)];
+    std::fs::write(&wrong, launch.replace("smoothing_s = 0.5", "smoothing_s = -0.5")).unwrap();
+    refused(&fly, &[name, "smoothing_s is a time of zero or more"]);
+    std::fs::write(&wrong, launch.replace("smoothing_s", "smothing_s")).unwrap();
+    let line = 1 + launch.lines().position(|line| line.contains("smoothing_s")).unwrap();
+    refused(&fly, &[&format!("wrong.toml:{line}:"), "unknown field `smothing_s`"]);
+}
+
+/// Whether this computer has a program; a test that needs it shows nothing otherwise.
+fn has(program: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success());
+    if !found {
+        skipped(&format!("there is no {program}"));
+    }
+    found
+}
+
+#[test]
+fn a_service_in_rust_flies_on_both_clocks_comes_back_is_recorded_and_computed_again() {
+    fly_everywhere(tempfile::tempdir().unwrap().path(), "rmeter", "--rust");
+}
+
+#[test]
+fn a_service_in_c_flies_on_both_clocks_comes_back_is_recorded_and_computed_again() {
+    if has("cc") {
+        fly_everywhere(tempfile::tempdir().unwrap().path(), "cmeter", "--c");
+    }
+}
+
+#[test]
+fn a_service_in_python_flies_on_both_clocks_comes_back_is_recorded_and_computed_again() {
+    if has("python3") {
+        fly_everywhere(tempfile::tempdir().unwrap().path(), "pmeter", "--python");
+    }
+}
+
+/// What a stand-in says of itself: the service `odd`, which publishes one topic.
+fn description(topic: &str, schema: &str, definition: &str) -> String {
+    let output = json!({ "topic": topic, "schema": schema, "definition": definition });
+    json!({ "format": "fss-service/1", "service": "odd", "inputs": [], "outputs": [output] }).to_string()
+}
+
+/// Flies with a shell script for a program, which must be refused with all of `words`.
+#[track_caller]
+fn refuse_stand_in(script: &str, words: &[&str]) {
+    let place = tempfile::tempdir().unwrap();
+    let (program, launch) = (place.path().join("odd"), place.path().join("launch.toml"));
+    std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let table = "\n[[service]]\nname = \"odd\"\nprogram = \"odd\"\nrate_hz = 50\n";
+    std::fs::write(&launch, [include_str!("../deploy/etc/launch/lab.toml"), table].concat()).unwrap();
+    let out = place.path().join("out");
+    refused(&["run", "hold", "--fast", "--quiet", "--launch", path(&launch), "--out", path(&out)], words);
+}
+
+/// A script that describes itself so, and does `then` when it is to fly.
+fn script(description: &str, then: &str) -> String {
+    format!("if [ \"$1\" = --describe ]; then\ncat <<'END'\n{description}\nEND\nelse\n{then}\nfi")
+}
+
+const OWN: &str = "uint64 sequence\nuint64 stamp_ns\nuint64 published_ns\nfloat64 x_m\n";
+
+#[test]
+fn a_program_that_does_not_go_with_the_others_is_refused_at_its_line() {
+    let definition = fss_messages::BaseCommand::definition();
+    let claims = description(topic::BASE_COMMAND.name, "fss_msgs/msg/BaseCommand", &definition);
+    refuse_stand_in(
+        &script(&claims, ":"),
+        &["launch.toml:", "/base/command", "'base' publishes already", "remove one"],
+    );
+    let other = description("/events", "fss_msgs/msg/Event", OWN);
+    refuse_stand_in(&script(&other, ":"), &["launch.toml:", "/events carries fss_msgs/Event@", "same definition"]);
+    let padded = description("/odd/state", "odd_msgs/msg/OddState", &format!("{OWN}uint8 a\nfloat64 b"));
+    refuse_stand_in(&script(&padded, ":"), &["/odd/state", "line 6", "order the fields by size"]);
+    let name = description("/Odd State", "odd_msgs/msg/OddState", OWN);
+    refuse_stand_in(&script(&name, ":"), &["'/Odd State' is no name of a topic"]);
+    refuse_stand_in("echo hello", &["launch.toml:", "odd", "describes itself with --describe"]);
+    refuse_stand_in("sleep 60", &["did not describe itself within 5 s"]);
+}
+
+#[test]
+fn a_program_that_ends_or_never_answers_ends_the_flight_on_the_virtual_clock_with_its_name() {
+    let own = description("/odd/state", "odd_msgs/msg/OddState", OWN);
+    refuse_stand_in(&script(&own, "echo no luck today >&2; exit 3"), &["service 'odd'", "no luck today"]);
+    refuse_stand_in(&script(&own, "exec sleep 60"), &["service 'odd'", "did not answer within 10 s"]);
+    let left = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let left: Vec<_> = left.filter(|file| file.file_name().to_string_lossy().starts_with("fssstep")).collect();
+    let is_ours =
+        |file: &std::fs::DirEntry| file.file_name().to_string_lossy().contains(&std::process::id().to_string());
+    assert!(!left.iter().any(is_ours), "{left:?}");
+}
