@@ -1,16 +1,20 @@
 //! A service that is a program of its own, on a clock that nobody waits for: stepped over shared memory.
 
+use crate::programs::drain;
 use crate::stack::Stack;
 use fss_bus::lockstep::Leader;
 use fss_bus::virtual_time::Tick;
 use fss_bus::{Bus, BusError, SharedConfig, Time};
 use fss_service::{PortDescription, ProgramEntry, STOP_TIME, SiteArgs};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+/// How long the last words of a program that has ended may take.
+const LAST_WORDS: Duration = Duration::from_millis(200);
 
 /// Followers of this process so far: each has a prefix in shared memory of its own.
 static COUNT: AtomicU32 = AtomicU32::new(0);
@@ -26,6 +30,8 @@ pub(crate) struct Follower {
 /// The process, its folder and its shared memory; all go with this.
 struct Process {
     child: Child,
+    /// What it says of errors; none when that was told.
+    said: Option<JoinHandle<String>>,
     folder: PathBuf,
     prefix: String,
 }
@@ -52,7 +58,7 @@ impl Follower {
         stack.write_to(&folder)?;
         let arguments =
             SiteArgs { run: folder.clone(), bus: prefix.clone(), seed, starts: 1, resume: None, supervised: true };
-        let child = Command::new(&program.path)
+        let mut child = Command::new(&program.path)
             .args(arguments.to_arguments())
             .arg("--lockstep")
             .stdin(Stdio::piped())
@@ -61,7 +67,8 @@ impl Follower {
             .spawn()
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot start {}", program.path.display()))?;
-        let mut process = Process { child, folder, prefix };
+        let said = Some(drain(child.stderr.take()));
+        let mut process = Process { child, said, folder, prefix };
         let service = description.service.clone();
         leader.wait(|| process.ended()).map_err(|reason| miette!("service '{service}': {reason}"))?;
         Ok(Self { service, leader: Some(leader), process })
@@ -107,11 +114,13 @@ impl Process {
     /// How it ended and what it said, where it has.
     fn ended(&mut self) -> Option<String> {
         let status = self.child.try_wait().ok().flatten()?;
-        let mut said = String::new();
-        if let Some(mut stderr) = self.child.stderr.take() {
-            // What is not text is no reason.
-            let _ = stderr.read_to_string(&mut said);
+        // Another process may hold the pipe still: that says nothing of this one.
+        let asked = Instant::now();
+        while self.said.as_ref().is_some_and(|said| !said.is_finished()) && asked.elapsed() < LAST_WORDS {
+            std::thread::sleep(Duration::from_millis(1));
         }
+        let said =
+            self.said.take().filter(JoinHandle::is_finished).and_then(|said| said.join().ok()).unwrap_or_default();
         Some(format!("it ended ({status}): {}", said.trim()))
     }
 }

@@ -14,10 +14,13 @@ use std::ops::Range;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How long a program may take to say what it is.
 const DESCRIBE_TIME: Duration = Duration::from_secs(5);
+/// The most that is kept of what a program says, bytes.
+const MOST_SAID: usize = 1 << 20;
 
 /// Finds the programs of a launch file's services, and asks each what it reads and writes.
 ///
@@ -97,17 +100,20 @@ fn output_of(path: &Path, config: &str) -> Result<Said, String> {
         .map_err(|e| e.to_string())?;
     let texts = (drain(child.stdout.take()), drain(child.stderr.take()));
     let success = wait(&mut child)?;
-    let text = |thread: std::thread::JoinHandle<String>| thread.join().unwrap_or_default();
+    let text = |thread: JoinHandle<String>| thread.join().unwrap_or_default();
     Ok(Said { success, output: text(texts.0), errors: text(texts.1) })
 }
 
-/// Reads on a thread of its own: a pipe that nobody empties stops who writes.
-fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<String> {
+/// Reads on a thread of its own: a pipe that nobody empties stops who writes. What is longer than [`MOST_SAID`] is let go.
+pub(crate) fn drain(pipe: Option<impl Read + Send + 'static>) -> JoinHandle<String> {
     std::thread::spawn(move || {
-        let mut bytes = Vec::new();
-        // What could be read until the pipe broke is what was said.
-        let _ = pipe.map(|mut pipe| pipe.read_to_end(&mut bytes));
-        String::from_utf8_lossy(&bytes).into_owned()
+        let (mut said, mut buffer) = (Vec::new(), [0; 4096]);
+        let Some(mut pipe) = pipe else { return String::new() };
+        while let Ok(n @ 1..) = pipe.read(&mut buffer) {
+            let room = MOST_SAID - said.len();
+            said.extend_from_slice(&buffer[..n.min(room)]);
+        }
+        String::from_utf8_lossy(&said).into_owned()
     })
 }
 

@@ -12,8 +12,11 @@ use std::time::{Duration, Instant};
 
 /// How long a follower may take for one step, and for its start, before it counts as one that never answers.
 pub const PATIENCE: Duration = Duration::from_secs(10);
-/// So long either side looks without a pause: as long as steps are short, no process is put to sleep between them.
-const BUSY: Duration = Duration::from_micros(200);
+/// So long either side looks without a pause.
+const BUSY: Duration = Duration::from_micros(10);
+/// So long it then gives way after each look, to the other side where that waits for a core: as long as steps are short, no process
+/// is put to sleep between them.
+const GIVING_WAY: Duration = Duration::from_millis(1);
 /// Between two looks after that.
 const NAP: Duration = Duration::from_micros(50);
 
@@ -76,7 +79,11 @@ pub fn follow(runner: &mut impl Run, bus: &Bus, stop: &AtomicBool) -> Result<(),
 }
 
 fn pause(waited: Duration) {
-    if waited < BUSY { std::hint::spin_loop() } else { std::thread::sleep(NAP) }
+    match waited {
+        _ if waited < BUSY => std::hint::spin_loop(),
+        _ if waited < GIVING_WAY => std::thread::yield_now(),
+        _ => std::thread::sleep(NAP),
+    }
 }
 
 /// Leads one service.
@@ -125,7 +132,7 @@ impl Leader {
                 return Ok(());
             }
             let waited = asked.elapsed();
-            if waited >= BUSY
+            if waited >= GIVING_WAY
                 && let Some(reason) = ended()
             {
                 return Err(reason);
