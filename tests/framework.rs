@@ -5,7 +5,8 @@
 mod common;
 
 use common::{refused, skipped, succeed, text};
-use fss_messages::{Sample, topic};
+use fss_messages::{Sample, TruthState, topic};
+use fss_records::log::Log;
 use serde_json::json;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -155,6 +156,55 @@ fn a_service_in_c_flies_on_both_clocks_comes_back_is_recorded_and_computed_again
 fn a_service_in_python_flies_on_both_clocks_comes_back_is_recorded_and_computed_again() {
     if has("python3") {
         fly_everywhere(tempfile::tempdir().unwrap().path(), "pmeter", "--python");
+    }
+}
+
+/// Root mean square of how far the base was from where it began, m, and turned, rad.
+fn strayed(log: &Path) -> [f64; 2] {
+    let truth = Log::open(log).unwrap().samples::<TruthState>(topic::TRUTH_STATE.name).unwrap();
+    let (first, count) = (truth[0], truth.len() as f64);
+    let mean_square = |error: &dyn Fn(&TruthState) -> f64| truth.iter().map(|t| error(t).powi(2)).sum::<f64>() / count;
+    [mean_square(&|t| (t.x_m - first.x_m).hypot(t.y_m - first.y_m)), mean_square(&|t| t.theta_rad - first.theta_rad)]
+        .map(f64::sqrt)
+}
+
+/// A controller in place of `base`: flies `hold` on the virtual clock, as `./check` does, and gives the log.
+fn hold_with_a_controller(place: &Path, language: &str, source: &str, text: &str) -> PathBuf {
+    let folder = place.canonicalize().unwrap().join("here");
+    succeed(&["new", "service", "pd", language, "--out", path(&folder)]);
+    std::fs::write(folder.join(source), text).unwrap();
+    let launch = std::fs::read_to_string(folder.join("launch.toml")).unwrap();
+    let tables: Vec<&str> = launch.split("[[service]]").filter(|table| !table.contains("name = \"base\"")).collect();
+    let launch = tables.join("[[service]]").replace("smoothing_s = 0.5", "bandwidth_rad_s = 0.5");
+    let (ours, own) = launch.split_at(launch.find("name = \"pd\"").unwrap());
+    let own = own.replace("rate_hz = 50", "rate_hz = 100").replace("phase_us = 3000", "phase_us = 1500");
+    std::fs::write(folder.join("launch.toml"), [ours, &own].concat()).unwrap();
+    let said = check(&folder);
+    assert!(said.contains("/pd/state is in the log at 100.00 Hz"), "{said}");
+    folder.join("out/run.mcap")
+}
+
+#[test]
+fn a_controller_in_each_language_holds_the_base_in_place_of_ours() {
+    let place = tempfile::tempdir().unwrap();
+    let ours = place.path().join("ours");
+    succeed(&["run", "hold", "--fast", "--quiet", "--out", path(&ours)]);
+    let ours = strayed(&ours.join("run.mcap"));
+    let languages = [
+        ("--rust", "src/main.rs", include_str!("data/controllers/pd.rs")),
+        ("--c", "main.c", include_str!("data/controllers/pd.c")),
+        ("--python", "pd.py", include_str!("data/controllers/pd.py")),
+    ];
+    let is_there = |language: &&(&str, &str, &str)| match language.0 {
+        "--c" => has("cc"),
+        "--python" => has("python3"),
+        _ => true,
+    };
+    for (language, source, text) in languages.iter().filter(is_there) {
+        let place = tempfile::tempdir().unwrap();
+        let theirs = strayed(&hold_with_a_controller(place.path(), language, source, text));
+        println!("{language}: {theirs:?} m and rad, ours {ours:?}");
+        assert!(theirs[0] < 1.2 * ours[0] && theirs[1] < 1.2 * ours[1], "{language}: {theirs:?}, ours {ours:?}");
     }
 }
 
