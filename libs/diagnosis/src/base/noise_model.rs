@@ -1,25 +1,26 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
 use super::joint_motion::JointMotion;
-use super::prediction::Predictor;
+use super::prediction::{Predictor, joints_only};
 use super::samples::Samples;
 use crate::block::{HyperParameter, Strength};
 use crate::servo_response::{ARRIVAL_SD_S, Nodes, arrival_time, datagrams};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Columns, Step, Whitener};
 use fss_experiments::measured::Run;
-use fss_multibody::{MAX_LINKS, ModelError};
+use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
 use fss_plant::{Physics, Plant};
 
 /// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
 const BODY: usize = 9;
-/// And of an arm, of unit variance each: what the errors of its angles turn the base by, the rate of that, and how far they move
-/// the centre of mass along x and y.
-const ARM: usize = 4;
+/// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
+const ARM: usize = 3;
 /// And of an arm that datagrams command: how late they arrive, and how far it is displaced.
 const ARRIVAL: usize = 2;
 /// Variances of what is not known at the start: place (m^2) or heading (rad^2), speed (m^2/s^2), rate (rad^2/s^2).
 const START: [f64; 3] = [1e2, 1.0, 10.0];
+/// Interval of telemetry that is assumed where none came (s).
+const SLOW_TELEMETRY_S: f64 = 0.2;
 /// Correlation times of a disturbance that make sense: shorter is white, longer is steady (s).
 const CORRELATION_S: [f64; 2] = [0.1, 10.0];
 
@@ -30,28 +31,11 @@ pub(super) struct NoiseModel {
     moments: Vec<(f64, [f64; 2], f64)>,
     /// Rows of each block: the standard deviation of each (x, y, heading, and the gyro's).
     rows: Vec<Vec<f64>>,
-    arm: Option<ArmErrors>,
+    /// Of the arm: correlation time of the errors of its path (s), and for each block the standard deviations that they give to
+    /// its angular momentum (kg m^2/s) and to its centre of mass (m).
+    arm: Option<(f64, Vec<[f64; 2]>)>,
     arrivals: Option<Arrivals>,
     gyro_walk: f64,
-}
-
-/// Errors of the arm's path, as its smoother gives them. Reports bound the errors of its angles, so that what these turn the base
-/// by is a stationary process of the second order, critically damped: a'' = -2 a'/T - a/T^2 + white noise.
-struct ArmErrors {
-    /// T: standard deviation of the turn over that of its rate (s).
-    time_s: f64,
-    /// Standard deviations at each block.
-    sds: Vec<ArmSd>,
-}
-
-/// What the errors of the arm's path do.
-#[derive(Clone, Copy, Default)]
-struct ArmSd {
-    /// To the heading (rad) and its rate (rad/s).
-    turn_rad: f64,
-    rate_rad_s: f64,
-    /// To the centre of mass (m).
-    shift_m: f64,
 }
 
 /// Datagrams arrive earlier or later than they are taken to: by u standard deviations, an Ornstein-Uhlenbeck process. A servo
@@ -96,7 +80,7 @@ impl NoiseModel {
             }
         }
         let times = samples.block_times();
-        let arm = (plant.link_count() > 0).then(|| arm_errors(plant.link_count(), predictor, beside, &times));
+        let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
         let arrivals = datagrams(plant, run).and_then(|c| arrivals(plant, arrival_time(c), predictor, beside, &times));
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
@@ -146,7 +130,7 @@ impl NoiseModel {
         let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(3));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
-            let arm = self.arm.as_ref().and_then(|arm| arm.sds.get(block)).copied().unwrap_or_default();
+            let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
             if let Some(before) = block.checked_sub(1) {
                 self.step(&h, before, &mut dense);
                 step.set_dense(n, &dense.transition, &dense.noise);
@@ -160,13 +144,10 @@ impl NoiseModel {
                     2 => (4, 1.0),
                     _ => (5, 1.0 / moment.2),
                 });
-                if self.arm.is_some() {
-                    let (state, sd) = match channel {
-                        0 | 1 => (BODY + 2 + channel, arm.shift_m),
-                        2 => (BODY, arm.turn_rad),
-                        _ => (BODY + 1, arm.rate_rad_s),
-                    };
-                    states.push((state, h.arm * sd));
+                match channel {
+                    0 | 1 if self.arm.is_some() => states.push((10 + channel, shift_sd)),
+                    3 if self.arm.is_some() => states.push((9, -momentum_sd / moment.2)),
+                    _ => {}
                 }
                 if let Some(arrivals) = &self.arrivals {
                     let (turn, u) = (arrivals.turn_rad[block], self.first_arrival());
@@ -201,6 +182,12 @@ impl NoiseModel {
             (0..2).for_each(|i| (0..2).for_each(|j| initial[(u + i) * n + u + j] = stationary[i][j]));
         }
         initial
+    }
+
+    /// What the errors of the arm's path give to its angular momentum and to its centre of mass at a block.
+    fn arm_sd(&self, h: &Hyper, block: usize) -> [f64; 2] {
+        let of = self.arm.as_ref().and_then(|(_, sds)| sds.get(block));
+        of.map_or([0.0; 2], |sds| sds.map(|sd| h.arm * sd))
     }
 
     /// From a block to the next.
@@ -246,30 +233,26 @@ impl NoiseModel {
                 (0..6).for_each(|j| step.noise[i * n + j] += variance * onto[i] * onto[j]);
             }
         }
-        self.add_arm(dt, step);
+        self.add_arm(h, block, dt, inertia, step);
         self.add_arrivals(dt, step);
         if self.gyro_walk > 0.0 {
             step.noise[n * n - 1] += self.gyro_walk * dt;
         }
     }
 
-    /// Errors of the arm's path, of unit variance.
-    fn add_arm(&self, dt: f64, step: &mut Dense) {
-        let Some(arm) = &self.arm else { return };
+    /// Errors of the arm's path, of unit variance: of its momentum, which turns the base the other way, and of its place.
+    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Dense) {
+        let Some((correlation_s, _)) = self.arm else { return };
         let n = self.states();
-        let x = dt / arm.time_s;
-        let decay = (-x).exp();
-        let turn = [[decay * (1.0 + x), decay * x], [-decay * x, decay * (1.0 - x)]];
-        for i in 0..2 {
-            for j in 0..2 {
-                let carried: f64 = (0..2).map(|k| turn[i][k] * turn[j][k]).sum();
-                step.transition[(BODY + i) * n + BODY + j] = turn[i][j];
-                step.noise[(BODY + i) * n + BODY + j] += f64::from(u8::from(i == j)) - carried;
-            }
-        }
-        for state in [BODY + 2, BODY + 3] {
-            step.transition[state * n + state] = decay;
-            step.noise[state * n + state] += 1.0 - decay * decay;
+        let momentum = 0.5 * (self.arm_sd(h, block)[0] + self.arm_sd(h, block + 1)[0]);
+        let singer = SingerStep::new(dt, correlation_s);
+        step.transition[4 * n + 9] = -singer.velocity * momentum / inertia;
+        step.transition[9 * n + 9] = singer.decay;
+        let onto = [(4, [0.0, -momentum / inertia, 0.0]), (9, [0.0, 0.0, 1.0])];
+        add_noise(&mut step.noise, n, &onto, &singer.noise, 1.0);
+        for state in [10, 11] {
+            step.transition[state * n + state] = singer.decay;
+            step.noise[state * n + state] += singer.noise[2][2];
         }
     }
 
@@ -322,24 +305,34 @@ fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64;
     }
 }
 
-/// What the smoother's standard deviations of angles and rates do at each block.
-fn arm_errors(joints: usize, predictor: &Predictor, beside: &JointMotion, times: &[f64]) -> ArmErrors {
+/// Correlation time of the errors of the arm's path, half of telemetry's median interval, and what they do at each block: the
+/// smoother's standard deviations, carried through the angular momentum of each joint's rate and the shift by each angle.
+fn arm_errors(
+    physics: &Physics,
+    run: &Run,
+    predictor: &Predictor,
+    times: &[f64],
+) -> Result<(f64, Vec<[f64; 2]>), ModelError> {
+    let mut gaps: Vec<f64> =
+        run.joints.as_ref().map_or_else(Vec::new, |j| j.t_s.windows(2).map(|w| w[1] - w[0]).collect());
+    gaps.sort_by(f64::total_cmp);
+    let interval_s = gaps.get(gaps.len() / 2).copied().unwrap_or(SLOW_TELEMETRY_S).max(1e-3);
+    let (model, carriage) = (physics.model(0.0)?, predictor.carriage(physics)?);
     let path = &predictor.encoders;
     let at = |t_s: &f64| {
         let (k, _) = path.grid.locate(*t_s);
-        let (mut turn, mut rate, mut shift) = (0.0, 0.0, 0.0);
-        for joint in 0..joints.min(MAX_LINKS) {
-            let [x, y, turns] = beside.at(*t_s, joint);
-            turn += (turns * path.angle_sd[k][joint]).powi(2);
-            rate += (turns * path.rate_sd[k][joint]).powi(2);
-            shift += (x.hypot(y) * path.angle_sd[k][joint]).powi(2);
+        let (mut momentum, mut shift) = (0.0, 0.0);
+        for joint in 0..physics.links.len().min(MAX_LINKS) {
+            let mut unit = JointVector::zeros();
+            unit[joint] = 1.0;
+            let q = joints_only(&carriage.samples[k].q_rad);
+            let moving = model.momentum(&State { q, v: joints_only(&unit) });
+            momentum += (moving.angular_about_com * path.rate_sd[k][joint]).powi(2);
+            shift += (moving.linear.norm() / carriage.mass_kg * path.angle_sd[k][joint]).powi(2);
         }
-        ArmSd { turn_rad: turn.sqrt(), rate_rad_s: rate.sqrt(), shift_m: shift.sqrt() }
+        [momentum.sqrt(), shift.sqrt()]
     };
-    let sds: Vec<ArmSd> = times.iter().map(at).collect();
-    let square = |of: fn(&ArmSd) -> f64| sds.iter().map(|sd| of(sd).powi(2)).sum::<f64>();
-    let time_s = (square(|sd| sd.turn_rad) / square(|sd| sd.rate_rad_s).max(f64::MIN_POSITIVE)).sqrt().max(1e-3);
-    ArmErrors { time_s, sds }
+    Ok((0.5 * interval_s, times.iter().map(at).collect()))
 }
 
 /// What later datagrams do at each block.
