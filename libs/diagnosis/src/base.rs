@@ -12,6 +12,7 @@
 //! state (p_x v_x p_y v_y theta L f_x f_y tau): deviations of X, theta and L, and a coloured force and torque on the base's
 //! origin; besides white force and torque, and where there is an arm, errors of its momentum and centre of mass.
 
+mod arrivals;
 mod joint_motion;
 mod missing;
 mod noise_model;

@@ -1,10 +1,11 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
+use super::arrivals::Arrivals;
 use super::joint_motion::JointMotion;
 use super::prediction::{Predictor, joints_only};
 use super::samples::Samples;
 use crate::block::{HyperParameter, Strength};
-use crate::servo_response::{ARRIVAL_SD_S, Nodes, arrival_time, datagrams};
+use crate::servo_response::{arrival_time, datagrams};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Columns, Step, Whitener};
 use fss_experiments::measured::Run;
@@ -36,16 +37,6 @@ pub(super) struct NoiseModel {
     arm: Option<(f64, Vec<[f64; 2]>)>,
     arrivals: Option<Arrivals>,
     gyro_walk: f64,
-}
-
-/// Datagrams arrive earlier or later than they are taken to: by u standard deviations, an Ornstein-Uhlenbeck process. A servo
-/// whose commanded motion begins later is displaced along it, by x: x' = (u - x) g, with g the gain of the position loop.
-struct Arrivals {
-    /// Correlation time of u (s), and 1/g (s).
-    time_s: f64,
-    lag_s: f64,
-    /// What a displacement of one standard deviation of the arrival turns the base by, at each block (rad).
-    turn_rad: Vec<f64>,
 }
 
 /// A step's matrices, n x n, row-major.
@@ -81,7 +72,8 @@ impl NoiseModel {
         }
         let times = samples.block_times();
         let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
-        let arrivals = datagrams(plant, run).and_then(|c| arrivals(plant, arrival_time(c), predictor, beside, &times));
+        let arrivals =
+            datagrams(plant, run).and_then(|c| Arrivals::new(plant, arrival_time(c), predictor, beside, &times));
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
             hyper_parameters: hyper_parameters(plant, carriage.inertia_kg_m2[0]),
@@ -269,27 +261,6 @@ impl NoiseModel {
     }
 }
 
-impl Arrivals {
-    /// Stationary covariance of u and x.
-    fn stationary(&self) -> [[f64; 2]; 2] {
-        let shared = self.time_s / (self.time_s + self.lag_s);
-        [[1.0, shared], [shared, shared]]
-    }
-
-    /// Transition and covariance of the noise over a time.
-    fn step(&self, dt: f64) -> ([[f64; 2]; 2], [[f64; 2]; 2]) {
-        let (u, x) = ((-dt / self.time_s).exp(), (-dt / self.lag_s).exp());
-        let gap = 1.0 / self.lag_s - 1.0 / self.time_s;
-        // (u - x)/gap, whose limit at equal times is dt x.
-        let pulled = if (gap * dt).abs() < 1e-6 { dt * x } else { (u - x) / gap } / self.lag_s;
-        let (f, p) = ([[u, 0.0], [pulled, x]], self.stationary());
-        let carried = |i: usize, j: usize| -> f64 {
-            (0..2).flat_map(|k| (0..2).map(move |l| (k, l))).map(|(k, l)| f[i][k] * p[k][l] * f[j][l]).sum()
-        };
-        (f, std::array::from_fn(|i| std::array::from_fn(|j| p[i][j] - carried(i, j))))
-    }
-}
-
 /// Adds `variance B S B'`, `B` given by rows.
 fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64; 3]; 3], variance: f64) {
     for (i, bi) in onto {
@@ -333,25 +304,6 @@ fn arm_errors(
         [momentum.sqrt(), shift.sqrt()]
     };
     Ok((0.5 * interval_s, times.iter().map(at).collect()))
-}
-
-/// What later datagrams do at each block.
-fn arrivals(
-    plant: &Plant,
-    time_s: f64,
-    predictor: &Predictor,
-    beside: &JointMotion,
-    times: &[f64],
-) -> Option<Arrivals> {
-    let grid = predictor.encoders.grid;
-    let nominal = &predictor.encoders.response.as_ref()?.nominal;
-    let turn = |t_s: &f64| {
-        let of =
-            |(joint, nodes): (usize, &Nodes)| beside.at(*t_s, joint)[2] * grid.between(nodes, *t_s)[1] * ARRIVAL_SD_S;
-        nominal.iter().enumerate().map(|own| of(own).powi(2)).sum::<f64>().sqrt()
-    };
-    let gain = (0..nominal.len()).map(|i| plant.servo(i).position_gain_1_s).sum::<f64>() / nominal.len() as f64;
-    Some(Arrivals { time_s, lag_s: 1.0 / gain.max(1e-3), turn_rad: times.iter().map(turn).collect() })
 }
 
 /// The hyper-parameters by name.
