@@ -55,3 +55,24 @@ impl Arrivals {
         (f, std::array::from_fn(|i| std::array::from_fn(|j| p[i][j] - carried(i, j))))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_steps_are_as_good_as_one_and_the_process_is_stationary() {
+        let arrivals = Arrivals { time_s: 0.1, lag_s: 0.125, turn_rad: Vec::new() };
+        let ((f1, q1), (f2, q2), (whole, noise)) = (arrivals.step(0.05), arrivals.step(0.12), arrivals.step(0.17));
+        let p = arrivals.stationary();
+        let sandwich = |f: &[[f64; 2]; 2], q: &[[f64; 2]; 2], i: usize, j: usize| -> f64 {
+            (0..4).map(|n| f[i][n / 2] * q[n / 2][n % 2] * f[j][n % 2]).sum()
+        };
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let product: f64 = (0..2).map(|k| f2[i][k] * f1[k][j]).sum();
+            assert!((product - whole[i][j]).abs() < 1e-12);
+            assert!((sandwich(&f2, &q1, i, j) + q2[i][j] - noise[i][j]).abs() < 1e-12);
+            assert!((sandwich(&whole, &p, i, j) + noise[i][j] - p[i][j]).abs() < 1e-12);
+        }
+    }
+}
