@@ -17,6 +17,7 @@
 //! Everything is linearized about the smoothed path. [`JointBlock`]'s prediction is that linearization taken back to the
 //! command, so that the filter's states are deviations from what does not depend on the measured noise.
 
+mod arrivals;
 mod hyper;
 mod linearization;
 mod linearize;
@@ -31,7 +32,7 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{self, arrival_time, datagrams};
+use crate::servo_response;
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
@@ -113,8 +114,9 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
-    let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_ref())?;
     let servos = Servos::new(plant, run);
+    let told = (path.reference.as_ref(), servos.commands.as_ref());
+    let nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
     let mut block =
         JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
@@ -164,7 +166,7 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> N
         activity,
         interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
-        arrival_s: datagrams(plant, run).map(arrival_time),
+        arrivals: None,
     }
 }
 
@@ -239,7 +241,7 @@ impl JointBlock {
         let anew = || {
             let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
             let reference = simulated.as_ref().or(self.path.reference.as_ref());
-            Linearization::new(plant, mechanics, parts, &self.nominal.model, reference)
+            Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, self.servos.commands.as_ref()))
         };
         Present {
             servos: (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect(),

@@ -1,5 +1,6 @@
 //! What the rows depend on, linearized about a plant.
 
+use super::arrivals::{self, Arrivals};
 use super::linearize;
 use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
@@ -7,6 +8,7 @@ use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
 use super::servos;
 use crate::servo_response::GainSlope;
+use fss_experiments::commands::Commands;
 use fss_plant::Plant;
 
 /// The noise's model, and what a prediction along the path lacks.
@@ -26,7 +28,7 @@ impl Linearization {
         mechanics: &Mechanics,
         (path, rows, scale): (&MeasuredPath, &[Row], &[f64]),
         model: &NoiseModel,
-        reference: Option<&Reference>,
+        (reference, commands): (Option<&Reference>, Option<&Commands>),
     ) -> Option<Self> {
         let readings = linearize::predict(mechanics, path, rows);
         let averaging = linearize::averaging(mechanics, path, rows, &readings);
@@ -35,8 +37,11 @@ impl Linearization {
         }
         let mut slopes = linearize::slopes(plant, mechanics, path, rows, scale);
         linearize::timing(mechanics, path, rows, &mut slopes);
+        if let Some(reference) = reference.filter(|_| commands.is_some()) {
+            arrivals::add_timing(reference, rows, &mut slopes);
+        }
         let mut model = NoiseModel { slopes, ..model.clone() };
-        servos::uncertain_arrivals(reference, rows, &mut model);
+        model.arrivals = commands.and_then(|c| Arrivals::new(plant, mechanics, c, rows));
         let beside = model.read_motion(rows, |joint, stamp_s| path.deviation(joint, stamp_s, reference));
         let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
         let by_gain = servos::gain_slopes(reference.map_or(&[], |r| &r.by_gain), rows, &model);

@@ -5,7 +5,7 @@ use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
 use super::track::Track;
-use crate::servo_response::{self, ARRIVAL_SD_S, GainSlope, datagrams};
+use crate::servo_response::{self, GainSlope, datagrams};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_plant::{Effect, Place, Plant};
@@ -13,7 +13,7 @@ use fss_plant::{Effect, Place, Plant};
 /// The servos of a run.
 pub(super) struct Servos {
     /// What they were told; `None` without datagrams.
-    commands: Option<Commands>,
+    pub(super) commands: Option<Commands>,
 }
 
 impl Servos {
@@ -43,21 +43,4 @@ pub(super) fn gain_slopes(by_gain: &[Vec<Track>], rows: &[Row], model: &NoiseMod
         GainSlope { gain, joint, of_row: model.read_motion(rows, motion) }
     };
     (0..by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
-}
-
-/// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
-pub(super) fn uncertain_arrivals(reference: Option<&Reference>, rows: &[Row], model: &mut NoiseModel) {
-    let Some(reference) = reference.filter(|_| model.arrival_s.is_some()) else { return };
-    for joint in 0..model.links {
-        let later = |j: usize, stamp_s: f64| {
-            if j != joint {
-                return [0.0; 3];
-            }
-            let (before, now) = (reference.joints[j].at(stamp_s - ARRIVAL_SD_S), reference.joints[j].at(stamp_s));
-            std::array::from_fn(|i| before[i] - now[i])
-        };
-        for (slopes, by) in model.read_mixed(rows, later).into_iter().enumerate() {
-            model.slopes[slopes].arrival.push(by);
-        }
-    }
 }
