@@ -32,11 +32,11 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response;
+use crate::servo_response::{self, Values};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant, Servo};
+use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
 use linearize::Anchor;
@@ -85,8 +85,8 @@ pub struct JointBlock {
 struct Present {
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
-    /// Gains of the servos.
-    servos: Vec<Servo>,
+    /// Values of the drives.
+    values: Vec<Values>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
 }
@@ -235,16 +235,17 @@ impl JointBlock {
     /// What a plant with effects is about which everything is linearized.
     fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        let moving: Vec<Effect> = effects.iter().filter(|e| servos::moves(e)).cloned().collect();
-        let is_nominal = moving.is_empty() && *plant == self.plant || self.anchors.is_some();
+        let moving = servo_response::moving(effects);
+        let as_nominal = servo_response::with_exactly(plant, &self.plant.effects) == self.plant;
+        let is_nominal = as_nominal && moving == servo_response::moving(&self.plant.effects) || self.anchors.is_some();
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
         let anew = || {
-            let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
+            let simulated = self.servos.reference(&servo_response::with_exactly(plant, &moving), &self.path);
             let reference = simulated.as_ref().or(self.path.reference.as_ref());
             Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, self.servos.commands.as_ref()))
         };
         Present {
-            servos: (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect(),
+            values: servo_response::values(plant),
             breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
             linearization: if is_nominal { None } else { anew() },
         }
@@ -282,7 +283,7 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
-        servo_response::tune(plant, &present.servos, &about.by_gain, &mut out);
+        servo_response::tune(plant, &present.values, &about.by_value, &mut out);
         Ok(out)
     }
 

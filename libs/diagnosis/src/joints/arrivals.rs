@@ -194,3 +194,53 @@ fn elements(of: &DMatrix<f64>) -> Vec<(usize, usize, f64)> {
     let all = (0..of.nrows()).flat_map(|i| (0..of.ncols()).map(move |j| (i, j)));
     all.map(|(i, j)| (i, j, of[(i, j)])).filter(|(_, _, v)| v.abs() > least).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// One joint: H = 0.2, K = 6, G = 8, no friction, commanded v = 0.5.
+    fn one_joint() -> Loop {
+        let (h, k, g, v) = (0.2, 6.0, 8.0, 0.5);
+        let rates = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -k * g * v * ARRIVAL_SD_S / h, -k * g / h, -k / h];
+        Loop { rates: DMatrix::from_row_slice(3, 3, &rates), velocity: DMatrix::from_element(1, 1, k / h) }
+    }
+
+    #[test]
+    fn a_late_datagram_leaves_its_joint_behind_by_what_it_would_have_moved() {
+        let late = one_joint();
+        let pushed = late.arrival(0, 0.5);
+        let settled = (&late.rates * 5.0).exp() * &pushed;
+        // Until another datagram comes: v s behind, at rest beside the reference.
+        assert!((settled[1] + 0.5 * ARRIVAL_SD_S).abs() < 1e-9 && settled[2].abs() < 1e-9, "{settled}");
+        // At once: the rate lacks what the new target would have added in the meantime.
+        assert!((pushed[2] + 6.0 / 0.2 * 0.5 * ARRIVAL_SD_S).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_late_datagram_is_what_the_difference_of_two_motions_says() {
+        // x'' = k (v + g (p - x) - x'), from rest; the datagram arrives at 0, or one standard deviation later.
+        let (k, g, v) = (30.0, 8.0, 0.5);
+        let motion = |late_s: f64, until_s: f64| {
+            let (mut x, mut rate, mut t) = (0.0, 0.0, 0.0);
+            let step = 1e-6;
+            while t < until_s {
+                let (p, feed) = if t < late_s { (0.0, 0.0) } else { (v * (t - late_s), v) };
+                rate += step * k * (feed + g * (p - x) - rate);
+                x += step * rate;
+                t += step;
+            }
+            [x, rate]
+        };
+        let late = one_joint();
+        for after_s in [0.02, 0.06, 0.15] {
+            let (now, then) = (motion(0.0, after_s), motion(ARRIVAL_SD_S, after_s));
+            let linear = (&late.rates * after_s).exp() * late.arrival(0, v);
+            for i in 0..2 {
+                let (wanted, got) = (then[i] - now[i], linear[1 + i]);
+                assert!((wanted - got).abs() < 0.1 * wanted.abs().max(1e-4), "{after_s} s: {wanted} {got}");
+            }
+        }
+    }
+}
