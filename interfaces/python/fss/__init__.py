@@ -16,12 +16,13 @@ from .campaigns import Campaign, Row, Task, campaign
 from .diagnosis import Alternative, Cause, Diagnosis, Misfit, Parameter, diagnose
 from .experiment import Experiment
 from .flight import fly
+from .live import Subscription, live
 from .log import Event, Log, Phase, Samples, Topic
 from .plant import Dynamics, Effect, Plant, effects
 from .planning import NextExperiment, Workspace, next_experiment, workspace
 
 __all__ = [
     "Alternative", "Calibration", "Campaign", "Cause", "Diagnosis", "Dynamics", "Effect", "Error", "Event", "Experiment", "Log",
-    "Misfit", "NextExperiment", "Parameter", "Phase", "Plant", "Row", "Samples", "Task", "Topic", "Workspace", "__version__",
-    "calibrate_dynamic", "calibrate_kinematic", "campaign", "diagnose", "effects", "fly", "next_experiment", "workspace",
+    "Misfit", "NextExperiment", "Parameter", "Phase", "Plant", "Row", "Samples", "Subscription", "Task", "Topic", "Workspace", "__version__",
+    "calibrate_dynamic", "calibrate_kinematic", "campaign", "diagnose", "effects", "fly", "live", "next_experiment", "workspace",
 ]  # fmt: skip

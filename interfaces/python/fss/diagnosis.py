@@ -118,18 +118,21 @@ class Diagnosis:
         """RMS error over noise of each channel and run, and the causes' probabilities. Needs matplotlib."""
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(9, 1.2 + 0.28 * max(len(self.misfit), 6)), layout="constrained")
+        channels = list(dict.fromkeys(misfit.channel for misfit in self.misfit))
+        figure = Figure(figsize=(9, 1.4 + 0.26 * max(len(channels), 6)), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=[2, 1])
-        names = [f"{misfit.run}  {misfit.channel}" for misfit in self.misfit]
-        left.barh(names, [misfit.ratio for misfit in self.misfit], color="tab:blue")
+        for run in dict.fromkeys(misfit.run for misfit in self.misfit):
+            of_run = [misfit for misfit in self.misfit if misfit.run == run]
+            left.plot([m.ratio for m in of_run], [m.channel for m in of_run], "o", alpha=0.7, label=run)
         left.axvline(1.0, color="black", linewidth=1)
         left.set_xscale("log")
         left.invert_yaxis()
-        left.set_xlabel("RMS error / noise, before (1 is noise alone)")
+        left.set_xlabel("RMS error / noise with the plant file (1 is noise alone)")
+        left.legend(fontsize="small")
         shown = [*self.causes, *(a for cause in self.causes for a in cause.alternatives)] or list(self.suspects)
-        right.barh([str(one) for one in shown], [one.probability for one in shown], color="tab:orange")
+        right.barh([str(one) for one in shown], [one.probability for one in shown], height=0.6, color="tab:orange")
         right.set_xlim(0, 1)
-        right.invert_yaxis()
+        right.set_ylim(max(len(shown), 4) - 0.5, -0.5)
         right.set_xlabel("probability")
         right.set_title(self.verdict.replace("_", " "))
         return figure

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Optional, Union
@@ -24,16 +26,24 @@ def shown(progress: Progress, title: str) -> Iterator[Optional[Told]]:
         yield None
         return
     try:
-        from tqdm.auto import tqdm
+        with warnings.catch_warnings():
+            # A notebook without widgets gets lines of text.
+            warnings.simplefilter("ignore")
+            from tqdm.auto import tqdm
     except ImportError:
         yield _lines(title) if progress else None
         return
     bar: Any = tqdm(total=1.0, desc=title, leave=False, bar_format="{desc} {bar} {elapsed}{postfix}")
 
+    drawn_s = 0.0
+
     def tell(share: Optional[float], words: str) -> None:
+        nonlocal drawn_s
         if share is not None:
             bar.n = share
-        bar.set_postfix_str(words)
+        if time.monotonic() - drawn_s > 0.2:
+            drawn_s = time.monotonic()
+            bar.set_postfix_str(words)
 
     try:
         yield tell

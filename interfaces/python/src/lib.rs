@@ -11,6 +11,7 @@ mod error;
 mod experiment;
 mod flight;
 mod job;
+mod live;
 mod log;
 mod plant;
 
@@ -28,6 +29,8 @@ fn _fss(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(plant::toml_to_json, m)?)?;
     m.add_function(wrap_pyfunction!(experiment::read_experiment, m)?)?;
     m.add_function(wrap_pyfunction!(flight::fly, m)?)?;
+    m.add_function(wrap_pyfunction!(live::live_topics, m)?)?;
+    m.add_function(wrap_pyfunction!(live::running_stack, m)?)?;
     m.add_function(wrap_pyfunction!(command::command, m)?)?;
     m.add_function(wrap_pyfunction!(command::campaign_begin, m)?)?;
     m.add_function(wrap_pyfunction!(command::campaign_run, m)?)?;

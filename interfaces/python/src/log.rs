@@ -15,7 +15,7 @@ use std::thread;
 const BLOCKS_AHEAD: usize = 1;
 
 /// A field: name, NumPy type, offset in bytes, meaning.
-type FieldTuple = (String, String, usize, String);
+pub(crate) type FieldTuple = (String, String, usize, String);
 /// A topic's samples: fields, bytes of a sample, the samples.
 type Selected<'py> = (Vec<FieldTuple>, usize, Bound<'py, PyArray1<u8>>);
 
@@ -141,7 +141,7 @@ fn fields_of(schema: &str, definition: &str) -> Option<Vec<FieldTuple>> {
     Definition::parse(schema, definition).ok().map(|definition| fields(&definition))
 }
 
-fn fields(definition: &Definition) -> Vec<FieldTuple> {
+pub(crate) fn fields(definition: &Definition) -> Vec<FieldTuple> {
     let named = definition.fields.iter().filter(|field| !field.is_padding());
     let each = named.map(|field| {
         let scalar = match field.scalar {

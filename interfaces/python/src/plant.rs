@@ -31,7 +31,7 @@ impl PlantFile {
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
         let table: toml::Table = serde_json::from_str(text).map_err(|e| from_error(&e))?;
-        Self::new(Some(&toml::to_string(&table).map_err(|e| from_error(&e))?), "plant")
+        Self::new(Some(&toml::to_string(&table).map_err(|e| from_error(&e))?), "the changed plant")
     }
 
     fn to_toml(&self) -> PyResult<String> {
