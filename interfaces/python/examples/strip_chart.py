@@ -12,4 +12,6 @@ with fss.live("/nav/state") as nav:
         t_s = np.append(t_s, samples.t_s)[-2000:]
         theta_rad = np.append(theta_rad, samples["theta_rad"])[-2000:]
         line.set_data(t_s, np.degrees(theta_rad))
-        plt.gca().relim(), plt.gca().autoscale_view(), plt.pause(0.01)
+        plt.gca().relim()
+        plt.gca().autoscale_view()
+        plt.pause(0.01)

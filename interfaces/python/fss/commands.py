@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Optional, Union
 
 from . import _fss
 from .experiment import Experiment
@@ -23,8 +23,10 @@ class Folder:
     """Where a command writes: the folder that was asked for, or one that goes with the last who holds this."""
 
     def __init__(self, asked: Optional[AnyPath]) -> None:
-        self._temporary: Any = tempfile.TemporaryDirectory(prefix="fss-") if asked is None else None
-        self.path = Path(self._temporary.name if asked is None else asked)  # type: ignore[arg-type]
+        if asked is None:
+            self._temporary = tempfile.TemporaryDirectory(prefix="fss-")
+            asked = self._temporary.name
+        self.path = Path(asked)
         self.path.mkdir(parents=True, exist_ok=True)
 
     def plant(self, plant: Union[None, Plant, AnyPath]) -> str:

@@ -114,7 +114,7 @@ class Log(Mapping[str, Samples]):
     @property
     def duration_s(self) -> float:
         """From the first to the last message, or how long the slice is."""
-        return (min(self._to_ns, self._all["last_ns"]) - max(self._from_ns, self.start_ns)) * 1e-9
+        return float(min(self._to_ns, self._all["last_ns"]) - max(self._from_ns, self.start_ns)) * 1e-9
 
     @property
     def attachments(self) -> dict[str, bytes]:

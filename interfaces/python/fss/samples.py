@@ -35,7 +35,7 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         self.meanings = getattr(source, "meanings", {})
 
     def __reduce__(self) -> Any:
-        rebuild, arguments, state = super().__reduce__()  # type: ignore[misc]
+        rebuild, arguments, state = tuple(super().__reduce__())
         return rebuild, arguments, (state, self.topic, self.start_ns, self.meanings)
 
     def __setstate__(self, state: Any) -> None:
@@ -57,7 +57,8 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         """Times of measurement since the start of the log (s), shape (n,)."""
         if "stamp_ns" not in self.fields:
             return np.asarray(self["t_s"], dtype=np.float64)
-        return (self["stamp_ns"].astype(np.int64) - self.start_ns) * 1e-9
+        since_ns: npt.NDArray[np.int64] = self["stamp_ns"].astype(np.int64) - self.start_ns
+        return since_ns.astype(np.float64) * 1e-9
 
     def columns(self) -> Columns:
         """Columns with the names that ``fss log export`` gives: an array field is ``q_rad.0``, ``q_rad.1`` and so on."""

@@ -17,11 +17,11 @@ def test_a_flight_has_the_bytes_of_the_program(program, tmp_path):
     assert log.path.read_bytes() == (tmp_path / "program" / "run.mcap").read_bytes()
     with pytest.raises(fss.Error, match="breakfast"):
         fss.fly("breakfast", out=tmp_path / "none")
-    with pytest.raises(fss.Error, match="links") as refused:
-        plant = fss.Plant()
-        del plant["link.4"]
+    plant = fss.Plant()
+    del plant["link.4"]
+    with pytest.raises(fss.Error, match="4 numbers for the joints") as refused:
         fss.fly("hold", plant=plant, out=tmp_path / "none")
-    assert refused.value.help
+    assert refused.value.help and refused.value.line > 0
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ class Subscription:
     def __init__(self, topic: str, bus: str, vehicle: str, buffer: int) -> None:
         import iceoryx2 as iox
 
-        known = {name: rest for name, *rest in _fss.live_topics()}
+        known = {name: (type_name, size, fields) for name, type_name, size, fields in _fss.live_topics()}
         if topic not in known:
             raise KeyError(f"fss has no topic '{topic}'; it has {', '.join(known)}")
         type_name, self._size, self._fields = known[topic]
