@@ -32,6 +32,8 @@ class Folder:
     def plant(self, plant: Union[None, Plant, AnyPath]) -> str:
         """The path of a plant file; of a plant that is in no file one is written."""
         if plant is not None and not isinstance(plant, Plant):
+            if not Path(plant).is_file():
+                raise FileNotFoundError(f"there is no plant file {plant}")
             return str(plant)
         plant = Plant() if plant is None else plant
         return str(plant.path or plant.write(self.path / "plant.toml"))

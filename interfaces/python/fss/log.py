@@ -81,8 +81,9 @@ class Log(Mapping[str, Samples]):
 
     @property
     def _all(self) -> dict[str, Any]:
+        file = self._open
         if self._contents is None:
-            self._contents = self._open.contents()
+            self._contents = file.contents()
         return self._contents
 
     def close(self) -> None:
@@ -100,11 +101,14 @@ class Log(Mapping[str, Samples]):
     @property
     def topics(self) -> dict[str, Topic]:
         """The topics of the whole log by name."""
-        found = {}
-        for name, (schema, definition, count, fields) in self._all["topics"].items():
-            meanings = {field[0]: field[3] for field in fields or []}
-            found[name] = Topic(name, schema, definition, count, meanings, dtype_of(fields) if fields else None)
-        return found
+        return {name: self._topic(name) for name in self}
+
+    def _topic(self, name: str) -> Topic:
+        if name not in self._all["topics"]:
+            raise KeyError(f"{self.path} has no topic '{name}'; it has {', '.join(self)}")
+        schema, definition, count, fields = self._all["topics"][name]
+        meanings = {field[0]: field[3] for field in fields or []}
+        return Topic(name, schema, definition, count, meanings, dtype_of(fields) if fields else None)
 
     @property
     def start_ns(self) -> int:
@@ -157,17 +161,13 @@ class Log(Mapping[str, Samples]):
         """The samples of several topics in one pass over the file."""
         if isinstance(topics, str):
             raise TypeError("read takes a list of topics; log[topic] is one of them")
-        known = self.topics
-        for topic in topics:
-            if topic not in known:
-                raise KeyError(f"{self.path} has no topic '{topic}'; it has {', '.join(known)}")
+        known = {topic: self._topic(topic) for topic in topics}
         selected = self._open.select(list(topics), self._from_ns, self._to_ns)
         return {topic: self._samples(known[topic], of) for topic, of in zip(topics, selected)}
 
     def chunks(self, topic: str, rows: int = 65_536) -> Iterator[Samples]:
         """A topic's samples in arrays of at most ``rows``, one after the other: of a log that memory does not hold."""
-        if topic not in self.topics:
-            raise KeyError(f"{self.path} has no topic '{topic}'")
+        self._topic(topic)
         if rows < 1:
             raise ValueError("rows must be 1 or more")
         blocks = self._open.blocks(topic, rows, self._from_ns, self._to_ns)

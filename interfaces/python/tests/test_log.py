@@ -26,7 +26,7 @@ def test_every_value_of_a_log_equals_the_exported_one(flight, program, tmp_path)
 
 def test_fields_are_looked_at_in_place(flight):
     nav = flight["/nav/state"]
-    assert nav["x_m"].base is not None and np.shares_memory(nav["x_m"], nav["std"])
+    assert nav["x_m"].base is not None and np.shares_memory(nav["x_m"], nav)
     assert nav["std"].shape == (len(nav), 7) and "m" in nav.meanings["x_m"]
 
 
@@ -112,10 +112,13 @@ def test_misuse_is_told_and_ends_nothing(flight, tmp_path):
     assert len(samples) > 1000
 
 
-def test_a_thousand_opened_and_closed_logs_leave_no_memory_behind(flight):
+def test_a_thousand_opened_and_closed_logs_leave_no_memory_behind(flight, tmp_path):
+    short = tmp_path / "short.mcap"
+    short.write_bytes(flight.path.read_bytes()[:110_000])
+
     def use(times):
         for _ in range(times):
-            with fss.Log(flight.path) as log:
+            with fss.Log(short) as log:
                 log.between(0.0, 0.5)["/gyro"]["omega_rad_s"].sum()
                 next(log.chunks("/gyro", rows=50))
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
