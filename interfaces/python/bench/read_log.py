@@ -1,7 +1,7 @@
 """How fast a large log's /nav/state is read: fss against mcap-ros2-support and rosbags, each in a process of its own.
 
     python read_log.py LOG.mcap     an existing log
-    python read_log.py --make 1000 LOG.mcap   makes one of so many MB first, from a flight that is repeated
+    python read_log.py --make 1000 LOG.mcap   flies one of about so many MB first
 """
 
 import resource
@@ -37,30 +37,29 @@ def with_rosbags(path):
     return len(x_m), sum(x_m)
 
 
-def make(path, megabytes):
-    """Repeats a flight's chunks under later times until the file is large enough."""
-    import fss
-    from mcap.reader import make_reader
-    from mcap.writer import CompressionType, Writer
+#: Size of a log for each second of flight, MB.
+MB_A_SECOND = 0.11
 
-    source = fss.fly("experiment-mixed", out="out/bench/flight", progress=False).path
-    with source.open("rb") as file:
-        messages = list(make_reader(file).iter_messages(log_time_order=False))
-    span_ns = max(message.log_time for _, _, message in messages) + 1_000_000
-    with open(path, "wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2")
-        schemas, channels, round_ = {}, {}, 0
-        while file.tell() < megabytes * 1e6:
-            for schema, channel, message in messages:
-                if schema.id not in schemas:
-                    schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
-                if channel.id not in channels:
-                    channels[channel.id] = writer.register_channel(channel.topic, "cdr", schemas[schema.id], channel.metadata)
-                at = message.log_time + round_ * span_ns
-                writer.add_message(channels[channel.id], at, message.data, at, message.sequence)
-            round_ += 1
-        writer.finish()
+HEAD = """name = "long-hold"
+description = "The base holds its pose for long."
+"""
+#: A phase lasts an hour at most.
+HOUR = """[[phase]]
+name = "hold-{number}"
+duration_s = 3600
+base = {{ goal = "hold" }}
+arm = {{ goal = "hold" }}
+"""
+
+
+def make(path, megabytes):
+    """Flies for as long as it takes to fill so much."""
+    import fss
+
+    mission = Path(path).with_suffix(".toml")
+    hours = -(-megabytes // (3600 * MB_A_SECOND))
+    mission.write_text(HEAD + "".join(HOUR.format(number=hour) for hour in range(int(hours))))
+    fss.fly(mission, out=Path(path).parent / "flight", progress=False).path.rename(path)
 
 
 READERS = {"fss": with_fss, "mcap-ros2-support": with_mcap_ros2, "rosbags": with_rosbags}
