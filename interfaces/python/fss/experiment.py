@@ -49,6 +49,9 @@ class Experiment(Mapping[str, Samples]):
         self.joint_mode: str = run["joint_mode"]
         self._tables = {name: _samples(name, columns) for name, columns in run["tables"].items()}
 
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
     def __getitem__(self, table: str) -> Samples:
         if table not in self._tables:
             raise KeyError(f"{self.path} has no {table}; it has {', '.join(self._tables)}")
