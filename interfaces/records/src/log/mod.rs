@@ -14,6 +14,7 @@ mod writer;
 pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
 pub use recover::Recovered;
 pub use scan::Damage;
+pub use table::definition_of;
 pub use writer::{LogWriter, Recorded, Storage};
 
 use std::path::PathBuf;
