@@ -38,13 +38,15 @@ fn path(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// The process of a service in the stack of this folder.
+/// The process of a service in the stack of this folder: its program's name, or the service's behind `fss service`, is among the first
+/// words of its command.
 fn process_of(name: &str, folder: &Path) -> Option<u32> {
     let processes = std::fs::read_dir("/proc").unwrap().flatten();
     let mut ids = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
     ids.find(|id| {
         let line = text(&std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default());
-        line.contains(name) && line.contains(path(folder))
+        let is_it = |word: &str| Path::new(word).file_stem().is_some_and(|stem| stem == name);
+        line.split('\0').take(3).any(is_it) && line.contains(path(folder))
     })
 }
 
