@@ -5,7 +5,7 @@ use crossbeam::queue::ArrayQueue;
 use fss_bridge::device::{Device, Network};
 use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, SAID_QUEUE};
 use fss_bus::Service;
-use fss_service::{Process, SiteArgs};
+use fss_service::{Process, SiteArgs, explain_errors};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -20,6 +20,7 @@ struct Cli {
 }
 
 fn main() -> Result<()> {
+    explain_errors();
     tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(EnvFilter::from_default_env()).init();
     let site = Process::open(Bridge::NAME, &Cli::parse().site)?;
     let endpoints = site.launch.bridge.clone().ok_or_else(|| miette!("the launch file has no [bridge]"))?;
