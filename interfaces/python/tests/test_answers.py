@@ -1,4 +1,5 @@
 import json
+import signal
 import subprocess
 import sys
 import time
