@@ -30,6 +30,8 @@ const POLISHED: usize = 6;
 const STANDS_STILL: f64 = 0.5;
 /// No value of a plant file is taken to be off by more stated deviations than this.
 const FARTHEST: f64 = 4.0;
+/// Share of a hyper-parameter's width by which the search for the best without causes starts at the least.
+const LEAST_WIDTH: f64 = 0.2;
 /// So often at the most a set is linearized about its values without another set being better.
 const AGAIN: usize = 3;
 
@@ -47,14 +49,13 @@ pub(crate) struct Searched<'a> {
 }
 
 pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
-    say("linearizing");
-    let mut linearized =
-        problem.linearized(&Center::default(), Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
-    let null_hyper = search.optimized(&linearized, &[], &[], &medians(problem), 1.0, |_, _| true);
+    let (mut center, null_hyper) = search.without_causes()?;
+    say("linearizing");
+    let mut linearized =
+        problem.linearized(&center, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut hyper = null_hyper.clone();
-    let mut center = Center::default();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
     let mut points = Vec::new();
     let mut visited = BTreeSet::from([Vec::new()]);
@@ -82,7 +83,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         let mut now = search.polished(Center { model: from, ..center.clone() }, &best, &start)?;
         // Gains of servos that follow datagrams act far from linearly within what is stated of them.
         if problem.is_commanded {
-            now.values = search.values(&points, &best).into_iter().map(|v| v.clamp(-FARTHEST, FARTHEST)).collect();
+            now.values = within(&search.values(&points, &best));
         }
         let still = Search::stands_still(&center, &now, &deviations) || again >= AGAIN;
         let mut key = best.causes.clone();
@@ -120,6 +121,17 @@ fn medians(problem: &Problem) -> Vec<f64> {
     start
 }
 
+/// Uncertain values no farther from the plant file's than any is.
+fn within(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|v| v.clamp(-FARTHEST, FARTHEST)).collect()
+}
+
+/// Whether uncertain values, in stated deviations, stand still; missing ones are the plant file's.
+fn have_settled(before: &[f64], now: &[f64]) -> bool {
+    let value = |i: usize| before.get(i).copied().unwrap_or(0.0);
+    now.iter().enumerate().all(|(i, now)| (value(i) - now).abs() <= STANDS_STILL)
+}
+
 /// The loop above always returns in its last round.
 fn unreachable_round<'a>() -> Result<Searched<'a>, ModelError> {
     unreachable!("the last round returns")
@@ -138,6 +150,24 @@ impl Searched<'_> {
 }
 
 impl Search<'_> {
+    /// The uncertain values and the hyper-parameters that suit the data best without causes. The values stay the plant file's but
+    /// where servos follow datagrams: their gains act far from linearly within what is stated of them.
+    fn without_causes(&self) -> Result<(Center, Vec<f64>), ModelError> {
+        let (mut center, mut hyper, mut width) = (Center::default(), medians(self.problem), 1.0);
+        loop {
+            let linearized = self.problem.linearized(&center, Slope::Secant, &|_, _| false, None)?;
+            hyper = self.optimized(&linearized, &[], &[], &hyper, width, |_, _| true);
+            let parameters = self.parameters_with(&[]).0;
+            let found = self.point(&linearized, &hyper, &parameters, &GramCache::default());
+            let values = found.filter(|_| self.problem.is_commanded).map(|point| within(point.posterior.means()));
+            let before = std::mem::replace(&mut center.values, values.unwrap_or_default());
+            width *= 0.5;
+            if have_settled(&before, &center.values) || width < LEAST_WIDTH {
+                return Ok((center, hyper));
+            }
+        }
+    }
+
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
     /// differ where actions are not in proportion.
     fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], center: &Center) -> Result<(), ModelError> {
@@ -218,10 +248,8 @@ impl Search<'_> {
                 moved.into_iter().all(|((a, b), sd)| (a - b).abs() <= (STANDS_STILL * sd).max(1e-3 * b.abs()))
             })
         };
-        let value = |center: &Center, i: usize| center.values.get(i).copied().unwrap_or(0.0);
-        let settled = |i: usize| (value(before, i) - value(now, i)).abs() <= STANDS_STILL;
         before.model.len() == now.model.len()
             && now.model.iter().zip(deviations).all(|(now, sd)| close(now, sd))
-            && (0..now.values.len()).all(settled)
+            && have_settled(&before.values, &now.values)
     }
 }
