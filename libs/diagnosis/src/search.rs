@@ -53,8 +53,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     say("inferring the noise without causes");
     let (mut center, null_hyper) = search.without_causes()?;
     say("linearizing");
-    let mut linearized =
-        problem.linearized(&center, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
+    let mut linearized = problem.linearized(&center, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut hyper = null_hyper.clone();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
     let mut points = Vec::new();

@@ -88,15 +88,33 @@ impl Plant {
 
     /// Torque at a joint (from 0) that matters: the motor's largest, or without a motor the one that gravity can exert (N m).
     pub fn typical_joint_torque_n_m(&self, joint: usize) -> f64 {
-        let [gx, gy] = self.table.gravity_m_s2;
         let Some(link) = self.links.get(joint) else { return 1.0 };
-        let beyond: f64 = self.links[joint + 1..].iter().map(|l| l.mass_kg).sum();
-        let arm = link.mass_kg * (link.length_m - link.com_to_next_joint_m) + beyond * link.length_m;
-        let gravity = arm.abs() * gx.hypot(gy);
-        match (link.max_torque_n_m, gravity) {
+        match (link.max_torque_n_m, self.largest_weight_n_m(joint)) {
             (0.0, 0.0) => 1.0,
-            (0.0, gravity) => gravity,
+            (0.0, weight) => weight,
             (motor, _) => motor,
         }
+    }
+
+    /// Rate of a joint (from 0) that matters: of an arm that its motors move 1 rad/s; of one that swings by its weight that of a
+    /// pendulum's swing of 1 rad, sqrt(weight / inertia).
+    pub fn typical_joint_rate_rad_s(&self, joint: usize) -> f64 {
+        let Some(link) = self.links.get(joint) else { return 1.0 };
+        let weight = self.largest_weight_n_m(joint);
+        if link.max_torque_n_m > 0.0 || weight == 0.0 {
+            return 1.0;
+        }
+        let beyond: f64 = self.links[joint + 1..].iter().map(|l| l.mass_kg).sum();
+        let of_link = link.inertia_kg_m2 + link.mass_kg * (link.length_m - link.com_to_next_joint_m).powi(2);
+        (weight / (of_link + beyond * link.length_m.powi(2))).sqrt()
+    }
+
+    /// Torque at a joint (from 0) that gravity can exert, N m.
+    fn largest_weight_n_m(&self, joint: usize) -> f64 {
+        let [gx, gy] = self.table.gravity_m_s2;
+        let Some(link) = self.links.get(joint) else { return 0.0 };
+        let beyond: f64 = self.links[joint + 1..].iter().map(|l| l.mass_kg).sum();
+        let arm = link.mass_kg * (link.length_m - link.com_to_next_joint_m) + beyond * link.length_m;
+        arm.abs() * gx.hypot(gy)
     }
 }

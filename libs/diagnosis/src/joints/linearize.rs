@@ -133,6 +133,11 @@ fn pseudo_inverse_solved(mechanics: &Mechanics, anchor: &Anchor, path: &Measured
     driven(mechanics, &unit, path, rows)
 }
 
+/// Standard deviation of the time by which rates lag, the same for all joints of a run, s: they are derivatives after a filter
+/// that nobody states.
+const RATE_LAG_SD_S: f64 = 1e-3;
+/// Standard deviation of each component of an encoder's error once a turn, rad: of a disc that sits a few micrometres off its axis.
+const ECCENTRICITY_SD_RAD: f64 = 1e-3;
 /// A row's time is known to half of a valve's tick, s.
 const TIMING_S: f64 = 0.0025;
 
@@ -229,8 +234,18 @@ pub(super) fn slopes(
             let row = &rows[k];
             let mut own = Slopes::default();
             match row.kind {
-                Kind::Angle(i) => own.motion.push((3 * i, 1.0)),
-                Kind::Rate(i) => own.motion.push((3 * i + 1, 1.0)),
+                Kind::Angle(i) => {
+                    own.motion.push((3 * i, 1.0));
+                    let (sin, cos) = path.joints[i].at(t_s)[0].sin_cos();
+                    own.eccentricity = [ECCENTRICITY_SD_RAD * sin, ECCENTRICITY_SD_RAD * cos];
+                }
+                Kind::Rate(i) => {
+                    own.motion.push((3 * i + 1, 1.0));
+                    let [angle, rate, acceleration] = path.joints[i].at(t_s);
+                    let (sin, cos) = angle.sin_cos();
+                    own.rate_lag = -RATE_LAG_SD_S * acceleration;
+                    own.eccentricity = [ECCENTRICITY_SD_RAD * cos * rate, -ECCENTRICITY_SD_RAD * sin * rate];
+                }
                 Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) => {
                     let columns = by_motion.get_or_insert_with(|| torque_slopes(mechanics, t_s, links));
                     let unit = if let Kind::Current(_) = row.kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };

@@ -1,8 +1,8 @@
 //! The state-space model of what the joints' channels have in common beside the prediction.
 //!
 //! States: each joint's angle, rate and acceleration beside the reference; a torque of unit variance on each link and one in
-//! each drive; three of unit variance that displace the end-effector; and of joints that datagrams command those of
-//! [`super::arrivals`]. The motion of an arm that follows commands is smooth
+//! each drive; three of unit variance that displace the end-effector; the time by which rates lag; and of joints that datagrams
+//! command those of [`super::arrivals`]. The motion of an arm that follows commands is smooth
 //! (acceleration of inferred strength); that of an arm whose torques are known all the time is anything, and its torques tell
 //! what it is.
 
@@ -24,6 +24,10 @@ const LEAST_TORQUE: f64 = 1e-6;
 pub(super) struct Slopes {
     /// By the states of the motion: index 3 joint + (angle, rate, acceleration).
     pub(super) motion: Vec<(usize, f64)>,
+    /// Of a rate's row: by the time by which rates lag, in standard deviations.
+    pub(super) rate_lag: f64,
+    /// Of an angle's or a rate's row of a swinging arm: by the sine and the cosine of the encoder's error once a turn.
+    pub(super) eccentricity: [f64; 2],
     /// By the torque in the row's joint: N m of the torque scale in units of the row.
     pub(super) torque: f64,
     /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.
@@ -63,6 +67,8 @@ struct Places {
     link: Vec<Option<usize>>,
     drive: Vec<Option<usize>>,
     tip: Option<usize>,
+    rate_lag: usize,
+    eccentricity: usize,
     /// Of the first of the states of [`Arrivals`].
     arrival: usize,
     count: usize,
@@ -79,9 +85,11 @@ impl NoiseModel {
         let link = self.sensed.iter().map(|s| next(*s)).collect();
         let drive = self.powered.iter().map(|p| next(*p)).collect();
         let tip = next(self.has_tip);
-        let arrival = if self.has_tip { count + 2 } else { count };
+        let rate_lag = if self.has_tip { count + 2 } else { count };
+        let eccentricity = rate_lag + 1;
+        let arrival = eccentricity + if self.driven { 2 * self.links } else { 0 };
         let count = arrival + if self.arrivals.is_some() { 3 * self.links } else { 0 };
-        Places { link, drive, tip, arrival, count }
+        Places { link, drive, tip, rate_lag, eccentricity, arrival, count }
     }
 
     /// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
@@ -174,7 +182,8 @@ impl NoiseModel {
                 }
             }
         }
-        for i in 3 * self.links..places.arrival {
+        transition.extend((places.rate_lag..places.arrival).map(|i| (i, i, 1.0)));
+        for i in 3 * self.links..places.rate_lag {
             transition.push((i, i, (-dt_s / hyper.torque_s).exp()));
             noise.push((i, i, -(-2.0 * dt_s / hyper.torque_s).exp_m1()));
         }
@@ -199,10 +208,16 @@ impl NoiseModel {
         if let Some(arrivals) = &self.arrivals {
             arrivals.read(moment, &slopes.motion, places.arrival, states);
         }
+        if let (true, Kind::Angle(i) | Kind::Rate(i)) = (self.driven, row.kind) {
+            states.extend(slopes.eccentricity.iter().enumerate().map(|(k, v)| (places.eccentricity + 2 * i + k, *v)));
+        }
         let (noise, torque) = (row.noise, slopes.torque);
         let variance = match row.kind {
             Kind::Angle(_) => (noise * hyper.noise[0]).powi(2),
-            Kind::Rate(_) => (noise * hyper.noise[1]).powi(2) + slopes.timing_variance,
+            Kind::Rate(_) => {
+                states.push((places.rate_lag, slopes.rate_lag));
+                (noise * hyper.noise[1]).powi(2) + slopes.timing_variance
+            }
             Kind::Torque(i) => {
                 states.extend(places.link[i].map(|place| (place, torque * hyper.link)));
                 (noise * hyper.noise[3]).powi(2) + self.white(torque, hyper) + slopes.timing_variance

@@ -30,8 +30,9 @@ impl EffectKind for JointViscousFriction {
     }
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
-        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
-        Prior::sized(&[0.03 * torque], &[5e-4 * torque])
+        let joint = index.unwrap_or(0);
+        let resistance = plant.typical_joint_torque_n_m(joint) / plant.typical_joint_rate_rad_s(joint);
+        Prior::sized(&[0.03 * resistance], &[5e-4 * resistance])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
