@@ -12,14 +12,12 @@ const CONSISTENT_CHANNEL: f64 = 1.6;
 pub(crate) const ALL_EXPLAINED: f64 = 1.5;
 /// Share of the misfit that causes must explain then.
 const MOST: f64 = 0.7;
-/// A cause is asserted from even chances on that it, or another in its place, is there.
-const EVEN: f64 = 0.5;
+/// Probability from which a cause, or another in its place, is asserted.
+const ASSERTED: f64 = 0.9;
 /// A base that is this many times lighter than its plant file says is one that was weighed.
 const LIGHT: f64 = 1.4;
 /// What pushes a base harder than the room's air by more than this many times what its lightness would lend the air is not air.
 const LENT: f64 = 3.0;
-/// A second or later cause is asserted only if it is this probable among its rivals.
-const SURE: f64 = 0.7;
 
 /// What the diagnosis comes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,7 +141,7 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
         .collect();
     let left = selection.after.mean_square();
     let air = contest.air(&selection.after);
-    if all.iter().all(|cause| cause.is_there() < EVEN) {
+    if all.iter().all(|cause| cause.is_there() < ASSERTED) {
         return Judgement::new(nothing_asserted(contest, &selection.before), Vec::new(), all);
     }
     let excess = selection.before.chi2 - selection.before.freedom;
@@ -164,21 +162,17 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
     let is_doubtful = |c: &Cause| {
         c.is_outside() || pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster)
     };
-    let (asserted, doubtful): (Vec<_>, Vec<_>) = all
-        .into_iter()
-        .enumerate()
-        .partition(|(i, c)| !is_doubtful(c) && c.is_there() >= EVEN && (*i == 0 || c.probability >= SURE));
-    let strip = |list: Vec<(usize, Cause)>| list.into_iter().map(|(_, c)| c).collect::<Vec<_>>();
-    let asserted = strip(asserted);
+    let (asserted, doubtful): (Vec<_>, Vec<_>) =
+        all.into_iter().partition(|c| !is_doubtful(c) && c.is_there() >= ASSERTED);
     if asserted.is_empty() {
-        return Judgement::new(Verdict::Unexplained, asserted, strip(doubtful));
+        return Judgement::new(Verdict::Unexplained, asserted, doubtful);
     }
     let whole = !air.is_too_strong()
         && left < ALL_EXPLAINED
         && doubtful.is_empty()
         && stands_out(contest, &selection.after) < 2.0 * CONSISTENT_CHANNEL;
     let verdict = if whole { Verdict::Explained } else { Verdict::PartlyExplained };
-    Judgement::new(verdict, asserted, strip(doubtful))
+    Judgement::new(verdict, asserted, doubtful)
 }
 
 /// RMS over noise of the channel that stands out most from what is left.
