@@ -12,8 +12,8 @@ use fss_bus::health::{Monitor, REPORT_PERIOD_NS};
 use fss_bus::launch::PROGRAMS;
 use fss_bus::{Output, OutputPort, Time, realtime};
 use fss_calibration::{Calibration, MovementBand};
-use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
-use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, VICON_QUEUE};
+use fss_fusion::device::{read_gyro, receive_mocap};
+use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, MOCAP_QUEUE};
 use fss_lab::process::{Addresses, Process, Stepped};
 use fss_lab::{LabConfig, Start};
 use fss_links::{COMMAND_QUEUE, LinksConfig, LinksService, TELEMETRY_QUEUE};
@@ -143,16 +143,16 @@ fn log_name(starts: u32, part: u32) -> String {
 
 fn fusion(site: &Seat) -> Result<()> {
     let (devices, urgent) = (&site.launch.devices, site.is_real_time("fusion")?);
-    let (frames, stop) = (site.queue(VICON_QUEUE)?, site.stop.clone());
-    let vicon = receive_vicon(devices.vicon, ObjectNames::default(), frames, stop, urgent)
+    let (frames, stop) = (site.queue(MOCAP_QUEUE)?, site.stop.clone());
+    let mocap = receive_mocap(&devices.mocap, frames, stop, urgent)
         .into_diagnostic()
-        .wrap_err_with(|| format!("motion capture: cannot receive at {} ([devices] vicon)", devices.vicon))?;
+        .wrap_err_with(|| format!("motion capture: cannot receive {} ([devices] mocap)", devices.mocap))?;
     let path = &devices.gyro;
     let read = || read_gyro(path, site.queue(GYRO_QUEUE)?, site.stop.clone(), urgent).into_diagnostic();
     let gyro = wait_for_device(path, read)
         .wrap_err_with(|| format!("gyro: cannot open {} ([devices] gyro)", path.display()))?;
     site.fly(Fusion::new(FusionConfig::from_plant(&site.stack.plant)), || ())?;
-    for thread in [vicon, gyro] {
+    for thread in [mocap, gyro] {
         thread.join().map_err(|_| miette!("a device thread of fusion failed"))?;
     }
     Ok(())
@@ -202,7 +202,7 @@ pub fn lab(args: &SiteArgs) -> Result<()> {
     site.stack.faults.apply_to(&mut config);
     let devices = &site.launch.devices;
     let addresses = Addresses {
-        vicon: devices.vicon,
+        mocap: devices.mocap.clone(),
         gyro: devices.gyro.clone(),
         valves: devices.valves.clone(),
         links: devices.links.clone(),

@@ -7,7 +7,7 @@ use fss_arm::{ArmConfig, ArmService};
 use fss_base::{Base, BaseConfig};
 use fss_bus::{Bus, Feed, Queue, Service};
 use fss_calibration::{Calibration, MovementBand};
-use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
+use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
 use fss_links::{LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MocapPose, Step, topic};
 use fss_mission::{MissionConfig, MissionService};
@@ -62,14 +62,14 @@ fn queue<T: Send + 'static>(bus: &Bus, name: &'static str) -> Result<Queue<T>> {
 
 fn fusion<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Fusion>> {
     let bus = &bus(stack);
-    let (vicon, gyro) = (queue(bus, VICON_QUEUE)?, queue(bus, GYRO_QUEUE)?);
+    let (mocap, gyro) = (queue(bus, MOCAP_QUEUE)?, queue(bus, GYRO_QUEUE)?);
     let poses = [topic::MOCAP_BASE, topic::MOCAP_END_EFFECTOR, topic::MOCAP_TARGET];
     let [base, end_effector, target] = poses.map(|topic| tape.topic(topic));
     let bodies = [base?, end_effector?, target?];
     let rates = tape.topic(topic::GYRO)?;
-    let give_vicon = move |step: &Step, _| {
+    let give_mocap = move |step: &Step, _| {
         let frames = frames(bodies.map(|body| body.at(step.published_ns)));
-        frames.iter().filter(|frame| vicon.push(**frame).is_ok()).count() as u64
+        frames.iter().filter(|frame| mocap.push(**frame).is_ok()).count() as u64
     };
     let give_gyro = move |step: &Step, _| {
         let readings = rates.at(step.published_ns).iter().map(|reading| GyroPacket {
@@ -81,7 +81,7 @@ fn fusion<'a>(stack: &Stack, tape: &'a Tape) -> Result<Player<'a, Fusion>> {
     };
     let devices = vec![
         // A frame that names no body of ours is no sample, and does nothing.
-        FromDevice { queue: VICON_QUEUE, name: "motion capture frames", complete: false, give: Box::new(give_vicon) },
+        FromDevice { queue: MOCAP_QUEUE, name: "motion capture frames", complete: false, give: Box::new(give_mocap) },
         FromDevice { queue: GYRO_QUEUE, name: "gyro readings", complete: true, give: Box::new(give_gyro) },
     ];
     Player::new(Fusion::new(FusionConfig::from_plant(&stack.plant)), bus, tape, devices)
