@@ -10,6 +10,7 @@ mod summary;
 use answer::Answer;
 use clap::Args;
 use engine::{Engine, diagnose};
+use fss_diagnosis::diagnosis::Diagnosis;
 use fss_experiments::measured::Run;
 use fss_launcher::files::{TextFile, write};
 use fss_plant::Plant;
@@ -48,20 +49,34 @@ pub struct DiagnoseArgs {
 
 /// Runs the command.
 pub fn run(args: &DiagnoseArgs) -> Result<()> {
+    let bar = progress();
+    let found = found(args, &|what| bar.set_message(what.to_owned()));
+    bar.finish_and_clear();
+    tell(args, &found?)
+}
+
+/// Runs the command for a caller that shows in its own way how far it is: `say` is told.
+pub fn run_telling(args: &DiagnoseArgs, say: &(dyn Fn(&str) + Sync)) -> Result<()> {
+    tell(args, &found(args, say)?)
+}
+
+/// The diagnosis, and the runs that it fitted.
+fn found(args: &DiagnoseArgs, say: &(dyn Fn(&str) + Sync)) -> Result<(Diagnosis, Vec<Run>)> {
     let file = TextFile::read(&args.plant, "plant file")?;
     let plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
     let fitted = runs::read(&args.runs, &plant)?;
     let validation = runs::read(&args.validate, &plant)?;
-    let bar = progress();
     let of_logs = args.runs.iter().any(|run| log::log_of(run).is_some());
-    let diagnosis =
-        diagnose((args.engine, of_logs), &plant, &fitted, &validation, &|what| bar.set_message(what.to_owned()))
-            .into_diagnostic()?;
-    bar.finish_and_clear();
+    let diagnosis = diagnose((args.engine, of_logs), &plant, &fitted, &validation, say).into_diagnostic()?;
     if diagnosis.before.is_empty() && diagnosis.validation_before.is_empty() {
         return Err(nothing_to_simulate(&fitted));
     }
-    summary::print(&diagnosis);
+    Ok((diagnosis, fitted))
+}
+
+/// Says the answer and writes its files.
+fn tell(args: &DiagnoseArgs, (diagnosis, fitted): &(Diagnosis, Vec<Run>)) -> Result<()> {
+    summary::print(diagnosis);
 
     std::fs::create_dir_all(&args.out)
         .into_diagnostic()
@@ -76,10 +91,10 @@ pub fn run(args: &DiagnoseArgs) -> Result<()> {
         args.plant.display(),
         diagnosis.extended.to_toml().into_diagnostic()?
     );
-    let json = serde_json::to_string_pretty(&Answer::of(&diagnosis, EXTENDED)).into_diagnostic()?;
+    let json = serde_json::to_string_pretty(&Answer::of(diagnosis, EXTENDED)).into_diagnostic()?;
     write(&args.out.join(EXTENDED), &extended)?;
     write(&args.out.join("diagnosis.json"), &json)?;
-    write(&args.out.join("diagnosis.html"), &page::render(&diagnosis, &fitted))?;
+    write(&args.out.join("diagnosis.html"), &page::render(diagnosis, fitted))?;
     args.json.iter().try_for_each(|path| write(path, &json))
 }
 

@@ -6,6 +6,7 @@
 
 mod definition;
 mod journal;
+mod pieces;
 mod row;
 mod slurm;
 mod statistics;
@@ -21,6 +22,7 @@ use fss_service::stop_on_signal;
 use indicatif::{ProgressBar, ProgressStyle};
 use journal::Journal;
 use miette::{IntoDiagnostic, Result, miette};
+pub use pieces::{begin, fly_one, write_rows};
 use rayon::prelude::*;
 use row::{Row, fly};
 use statistics::Statistics;

@@ -46,7 +46,9 @@ class _Service(ctypes.Structure):
 
 
 def _load():
-    library = ctypes.CDLL(os.environ.get("FSS_LIBRARY", "libfss.so"))
+    # A wheel brings the library along, beside this file.
+    beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "libfss.so")
+    library = ctypes.CDLL(os.environ.get("FSS_LIBRARY", beside if os.path.exists(beside) else "libfss.so"))
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
     library.fss_main.argtypes = [ctypes.c_int, ctypes.POINTER(ctypes.c_char_p), ctypes.POINTER(_Service)]
     library.fss_refuse.argtypes = [pointer, ctypes.c_char_p]

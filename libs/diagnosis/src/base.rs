@@ -21,15 +21,16 @@ mod samples;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, GainSlope, Nodes, datagrams};
+use crate::servo_response::{self, Nodes, Response, ValueSlope, Values, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Physics, Plant, Pulse, Servo, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::Predictor;
 use samples::Samples;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A run shorter than this says nothing of forces (s).
 const SHORTEST_S: f64 = 0.5;
@@ -43,11 +44,44 @@ const SERVO_CELL_S: f64 = 0.005;
 /// Pose and rate of a floating base in one run.
 pub struct BaseBlock {
     samples: Samples,
+    pose: PosePath,
+    run: Run,
+    /// The plant of the plant file.
+    plant: Plant,
+    nominal: Arc<About>,
+    /// About what everything is linearized; `None` until it is known.
+    present: Mutex<Option<Arc<About>>>,
+}
+
+/// A plant, its effects, and what is linearized about them.
+struct About {
+    /// Values of the drives with which the joints' path was computed, and what others change.
+    values: Vec<Values>,
+    by_value: Vec<ValueSlope>,
+    /// Effects that change what servos make of their datagrams.
+    moving: Vec<Effect>,
     predictor: Predictor,
     noise: NoiseModel,
-    /// Gains with which the joints' path was computed, and what others change.
-    servos: Vec<Servo>,
-    by_gain: Vec<GainSlope>,
+}
+
+impl About {
+    /// About a plant with its effects, whose encoders showed a path.
+    fn new(
+        plant: &Plant,
+        (run, samples, pose): (&Run, &Samples, &PosePath),
+        encoders: EncoderPath,
+    ) -> Result<Self, ModelError> {
+        let grid = pose.grid;
+        let valves = ValveHistory::new(run.thrust_levels.clone());
+        let predictor = Predictor::new(pose.clone(), encoders, valves);
+        let physics = Physics::with(plant, &plant.effects);
+        let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
+        let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
+        let by_value = value_slopes(plant, run, &predictor, samples, &beside);
+        let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
+        let values = servo_response::values(plant);
+        Ok(Self { values, by_value, moving: servo_response::moving(&plant.effects), predictor, noise })
+    }
 }
 
 impl BaseBlock {
@@ -73,30 +107,62 @@ impl BaseBlock {
         if encoders.moves_unseen {
             return Ok(None);
         }
-        let valves = ValveHistory::new(run.thrust_levels.clone());
-        let predictor = Predictor::new(pose, encoders, valves);
-        let physics = Physics::with(plant, &plant.effects);
-        let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
-        let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
-        let by_gain = gain_slopes(&predictor, &samples, &beside);
-        let noise = NoiseModel::new(plant, run, &samples, &predictor, &beside)?;
-        let servos = (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect();
-        Ok(Some(Self { samples, predictor, noise, servos, by_gain }))
+        let nominal = Arc::new(About::new(plant, (run, &samples, &pose), encoders)?);
+        // What was sampled of the base is in `samples`.
+        let run = Run { base_pose: None, ee_pose: None, gyro: None, ..run.clone() };
+        Ok(Some(Self { samples, pose, run, plant: plant.clone(), nominal, present: Mutex::new(None) }))
+    }
+
+    fn present(&self) -> MutexGuard<'_, Option<Arc<About>>> {
+        self.present.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What a plant with effects is about which everything is linearized.
+    fn about(&self, plant: &Plant, effects: &[Effect]) -> Result<Arc<About>, ModelError> {
+        if let Some(about) = &*self.present() {
+            return Ok(about.clone());
+        }
+        let moving = servo_response::moving(effects);
+        let as_nominal = servo_response::with_exactly(plant, &self.plant.effects) == self.plant;
+        let is_nominal = as_nominal && moving == self.nominal.moving || datagrams(plant, &self.run).is_none();
+        let about = if is_nominal {
+            self.nominal.clone()
+        } else {
+            let plant = servo_response::with_exactly(plant, &moving);
+            let encoders = EncoderPath::smoothed(&self.run, &plant, self.pose.grid);
+            Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
+        };
+        *self.present() = Some(about.clone());
+        Ok(about)
     }
 }
 
-/// What the rows change by with the logarithm of each gain of each joint's servo.
-fn gain_slopes(predictor: &Predictor, samples: &Samples, beside: &JointMotion) -> Vec<GainSlope> {
-    let grid = predictor.encoders.grid;
-    let by_gain = predictor.encoders.response.as_ref().map_or(&[][..], |response| &response.by_gain);
-    let of = |(gain, joints): (usize, &Vec<Nodes>)| -> Vec<GainSlope> {
-        let slope = |(joint, nodes): (usize, &Nodes)| {
-            let of_row = beside.rows(samples, joint, |t_s| grid.between(nodes, t_s));
-            GainSlope { gain, joint, of_row }
+/// What the rows change by with each value of each joint's drive: by the part of the change that telemetry does not show.
+fn value_slopes(
+    plant: &Plant,
+    run: &Run,
+    predictor: &Predictor,
+    samples: &Samples,
+    beside: &JointMotion,
+) -> Vec<ValueSlope> {
+    let (encoders, grid) = (&predictor.encoders, predictor.encoders.grid);
+    let Some(response) = &encoders.response else { return Vec::new() };
+    let of = |(value, changes): (usize, &Vec<Nodes>)| -> Vec<ValueSlope> {
+        let sum = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| a[i] + b[i]);
+        let other = |(a, b): (&Nodes, &Nodes)| a.iter().zip(b).map(sum).collect();
+        let nominal = response.nominal.iter().zip(changes).map(other).collect();
+        let other = EncoderPath::about(run, plant, grid, Some(Response { nominal, by_value: Vec::new() }));
+        let slope = |joint: usize| {
+            let change = |k: usize| {
+                let rate = other.rate[k][joint] - encoders.rate[k][joint];
+                [other.angle[k][joint] - encoders.angle[k][joint], rate, 0.0]
+            };
+            let nodes: Nodes = (0..encoders.angle.len()).map(change).collect();
+            ValueSlope { value, joint, of_row: beside.rows(samples, joint, |t_s| grid.between(&nodes, t_s)) }
         };
-        joints.iter().enumerate().map(slope).collect()
+        (0..changes.len()).map(slope).collect()
     };
-    by_gain.iter().enumerate().flat_map(of).collect()
+    response.by_value.iter().enumerate().flat_map(of).collect()
 }
 
 /// Cells in which the heading turns little.
@@ -113,30 +179,33 @@ impl Block for BaseBlock {
     }
 
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
-        let motion = self.predictor.motion(plant, effects)?;
-        let mut rows = self.samples.read(&motion);
-        servo_response::tune(plant, &self.servos, &self.by_gain, &mut rows);
+        let about = self.about(plant, effects)?;
+        let mut rows = self.samples.read(&about.predictor.motion(plant, effects)?);
+        servo_response::tune(plant, &about.values, &about.by_value, &mut rows);
         Ok(rows)
     }
 
     fn missing_pulses(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<(Pulse, Vec<f64>)>, ModelError> {
-        self.predictor.missing_pulses(plant, effects, |motion| self.samples.read(motion))
+        let about = self.about(plant, effects)?;
+        about.predictor.missing_pulses(plant, effects, |motion| self.samples.read(motion))
     }
 
     fn forget(&self) {
-        self.predictor.forget();
+        *self.present() = None;
+        self.nominal.predictor.forget();
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {
-        &self.noise.hyper_parameters
+        &self.nominal.noise.hyper_parameters
     }
 
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
-        self.noise.whiten(hyper, columns)
+        let present = self.present().clone();
+        present.as_ref().unwrap_or(&self.nominal).noise.whiten(hyper, columns)
     }
 
     fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
-        self.noise.discrepancies(hyper)
+        self.nominal.noise.discrepancies(hyper)
     }
 
     fn channel_of_row(&self) -> &[usize] {

@@ -17,6 +17,7 @@
 //! Everything is linearized about the smoothed path. [`JointBlock`]'s prediction is that linearization taken back to the
 //! command, so that the filter's states are deviations from what does not depend on the measured noise.
 
+mod arrivals;
 mod hyper;
 mod linearization;
 mod linearize;
@@ -31,11 +32,11 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{self, arrival_time, datagrams};
+use crate::servo_response::{self, Values};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant, Servo};
+use fss_plant::{Effect, JointPhysics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
 use linearize::Anchor;
@@ -84,8 +85,8 @@ pub struct JointBlock {
 struct Present {
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
-    /// Gains of the servos.
-    servos: Vec<Servo>,
+    /// Values of the drives.
+    values: Vec<Values>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
 }
@@ -113,8 +114,9 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
-    let nominal = Linearization::new(plant, &mechanics, parts, &model, path.reference.as_ref())?;
     let servos = Servos::new(plant, run);
+    let told = (path.reference.as_ref(), servos.commands.as_ref());
+    let nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
     let mut block =
         JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
@@ -164,7 +166,7 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> N
         activity,
         interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
-        arrival_s: datagrams(plant, run).map(arrival_time),
+        arrivals: None,
     }
 }
 
@@ -233,16 +235,17 @@ impl JointBlock {
     /// What a plant with effects is about which everything is linearized.
     fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        let moving: Vec<Effect> = effects.iter().filter(|e| servos::moves(e)).cloned().collect();
-        let is_nominal = moving.is_empty() && *plant == self.plant || self.anchors.is_some();
+        let moving = servo_response::moving(effects);
+        let as_nominal = servo_response::with_exactly(plant, &self.plant.effects) == self.plant;
+        let is_nominal = as_nominal && moving == servo_response::moving(&self.plant.effects) || self.anchors.is_some();
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
         let anew = || {
-            let simulated = self.servos.reference(&plant.with_effects(&moving), &self.path);
+            let simulated = self.servos.reference(&servo_response::with_exactly(plant, &moving), &self.path);
             let reference = simulated.as_ref().or(self.path.reference.as_ref());
-            Linearization::new(plant, mechanics, parts, &self.nominal.model, reference)
+            Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, self.servos.commands.as_ref()))
         };
         Present {
-            servos: (0..plant.link_count()).map(|i| plant.servo(i).clone()).collect(),
+            values: servo_response::values(plant),
             breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
             linearization: if is_nominal { None } else { anew() },
         }
@@ -280,7 +283,7 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
-        servo_response::tune(plant, &present.servos, &about.by_gain, &mut out);
+        servo_response::tune(plant, &present.values, &about.by_value, &mut out);
         Ok(out)
     }
 

@@ -123,9 +123,15 @@ impl EncoderPath {
     /// What it follows is what the plant's servos make of the datagrams that they got, or where there are none the command, the
     /// servo's mean lag taken off.
     pub(crate) fn smoothed(run: &Run, plant: &Plant, grid: TimeGrid) -> Self {
-        let (sensors, joints) = (&plant.sensors, plant.link_count());
         let edges = grid.edges_s();
         let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &edges).ok());
+        Self::about(run, plant, grid, response)
+    }
+
+    /// The same about a motion that the plant's servos make of the datagrams.
+    pub(crate) fn about(run: &Run, plant: &Plant, grid: TimeGrid, response: Option<Response>) -> Self {
+        let (sensors, joints) = (&plant.sensors, plant.link_count());
+        let edges = grid.edges_s();
         let zeros = vec![JointVector::zeros(); edges.len()];
         let mut path = Self {
             grid,

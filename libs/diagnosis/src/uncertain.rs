@@ -2,6 +2,7 @@
 //!
 //! They are never named as causes. They take up what they may, as far as their standard deviations make it likely.
 
+use crate::servo_response::own_servo;
 use fss_plant::{Plant, Servo, Uncertainty};
 
 /// Gains of a servo are known to this share: a driver's tuning follows its load and its supply.
@@ -105,18 +106,13 @@ fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, fn(
     add(name("torque_constant_N_m_A"), u.torque_constant_n_m_a, i, |p, i| &mut p.links[i].torque_constant_n_m_a);
 }
 
-fn servo(plant: &mut Plant, joint: usize) -> &mut Servo {
-    let shared = plant.servo.clone();
-    plant.links[joint].servo.get_or_insert(shared)
-}
-
 fn gains(of: &Servo, i: usize, add: &mut impl FnMut(String, f64, usize, fn(&mut Plant, usize) -> &mut f64)) {
     let name = |what: &str| format!("servo {} {what}", i + 1);
-    add(name("position_gain_1_s"), GAIN_SHARE * of.position_gain_1_s, i, |p, i| &mut servo(p, i).position_gain_1_s);
+    add(name("position_gain_1_s"), GAIN_SHARE * of.position_gain_1_s, i, |p, i| &mut own_servo(p, i).position_gain_1_s);
     add(name("velocity_gain_N_m_s_rad"), GAIN_SHARE * of.velocity_gain_n_m_s_rad, i, |p, i| {
-        &mut servo(p, i).velocity_gain_n_m_s_rad
+        &mut own_servo(p, i).velocity_gain_n_m_s_rad
     });
     add(name("velocity_integral_N_m_rad"), GAIN_SHARE * of.velocity_integral_n_m_rad, i, |p, i| {
-        &mut servo(p, i).velocity_integral_n_m_rad
+        &mut own_servo(p, i).velocity_integral_n_m_rad
     });
 }

@@ -39,6 +39,15 @@ impl Journal {
         Ok(Self { path, file: Mutex::new(file) })
     }
 
+    /// The runs that it holds.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub(super) fn rows(&self) -> Result<BTreeMap<u64, Row>> {
+        let mut rows = BTreeMap::new();
+        read(&self.path, &mut rows).map(|()| rows)
+    }
+
     /// Enters a finished run: when this returns, no end of this process loses it.
     ///
     /// # Errors
@@ -60,18 +69,23 @@ pub(super) fn read_all(folder: &Path) -> Result<BTreeMap<u64, Row>> {
     let mut rows = BTreeMap::new();
     for entry in std::fs::read_dir(folder).into_diagnostic()? {
         let path = entry.into_diagnostic()?.path();
-        if path.extension().is_none_or(|ending| ending != ENDING) {
-            continue;
-        }
-        let text = std::fs::read_to_string(&path).into_diagnostic()?;
-        // What stands behind the last end of a line is being written, or was when its process was killed.
-        let whole = text.rfind('\n').map_or("", |at| &text[..at]);
-        for (line, number) in whole.lines().zip(1..) {
-            let row: Row = serde_json::from_str(line)
-                .into_diagnostic()
-                .wrap_err_with(|| format!("{}:{number} is no run of a campaign", path.display()))?;
-            rows.entry(row.run).or_insert(row);
+        if path.extension().is_some_and(|ending| ending == ENDING) {
+            read(&path, &mut rows)?;
         }
     }
     Ok(rows)
+}
+
+/// Adds the runs of one journal to those that are known.
+fn read(path: &Path, rows: &mut BTreeMap<u64, Row>) -> Result<()> {
+    let text = std::fs::read_to_string(path).into_diagnostic()?;
+    // What stands behind the last end of a line is being written, or was when its process was killed.
+    let whole = text.rfind('\n').map_or("", |at| &text[..at]);
+    for (line, number) in whole.lines().zip(1..) {
+        let row: Row = serde_json::from_str(line)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("{}:{number} is no run of a campaign", path.display()))?;
+        rows.entry(row.run).or_insert(row);
+    }
+    Ok(())
 }

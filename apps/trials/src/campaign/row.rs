@@ -6,6 +6,7 @@ use fss_launcher::summary::Summary;
 use fss_records::table::{Column, ParquetFile, Table, TableFile, Values};
 use miette::{IntoDiagnostic, Result};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
@@ -133,6 +134,21 @@ pub(super) fn write_table<'a>(campaign: &Campaign, rows: impl Iterator<Item = &'
     file.append(&table).into_diagnostic()?;
     file.finish().into_diagnostic()?;
     std::fs::rename(&part, path).into_diagnostic()
+}
+
+/// A row as an object with the table's names.
+pub(super) fn object(campaign: &Campaign, row: &Row) -> Value {
+    let value = |values: &Values| match values {
+        Values::Bool(v) => json!(v[0]),
+        Values::U64(v) => json!(v[0]),
+        Values::F64(v) => json!(v[0]),
+        Values::Known(v) => json!(v[0]),
+        Values::Text(v) => json!(v[0]),
+        // The table has no column of these.
+        Values::U8(_) | Values::U16(_) | Values::U32(_) | Values::I64(_) => Value::Null,
+    };
+    let columns = table(campaign, &[row]).columns;
+    Value::Object(columns.iter().map(|column| (column.name.clone(), value(&column.values))).collect())
 }
 
 fn table(campaign: &Campaign, rows: &[&Row]) -> Table {

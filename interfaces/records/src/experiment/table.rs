@@ -96,6 +96,11 @@ impl Table {
         self.names.iter().position(|n| n == name).map(|i| self.columns[i].as_slice())
     }
 
+    /// The columns' names, that of the times left out.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// The columns `prefix1suffix`, `prefix2suffix` and so on, as many as there are without a gap.
     pub fn numbered(&self, prefix: &str, suffix: &str) -> Vec<&[f64]> {
         (1..).map_while(|i| self.column(&format!("{prefix}{i}{suffix}"))).collect()

@@ -8,12 +8,14 @@
 mod reader;
 mod recover;
 mod scan;
+mod select;
 mod table;
 mod writer;
 
 pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
 pub use recover::Recovered;
 pub use scan::Damage;
+pub use select::{Contents, Topic};
 pub use writer::{LogWriter, Recorded, Storage};
 
 use std::path::PathBuf;

@@ -220,7 +220,7 @@ impl Log {
             .collect())
     }
 
-    fn file_error(&self, source: std::io::Error) -> LogError {
+    pub(super) fn file_error(&self, source: std::io::Error) -> LogError {
         LogError::File { path: self.path.clone(), source }
     }
 }

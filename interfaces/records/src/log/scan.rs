@@ -30,6 +30,14 @@ const CHUNK_HEADER_LEN: usize = (FRAME_LEN + CHUNK_HEAD_LEN + LONGEST_NAME + 8) 
 pub(super) trait Visitor {
     /// Whether chunks must be unpacked at all.
     const MESSAGES: bool = true;
+    /// Whether a chunk of messages from `first_ns` to `last_ns` of log time is wanted.
+    fn wants(&self, _first_ns: u64, _last_ns: u64) -> bool {
+        true
+    }
+    /// Whether there is enough: the walk ends.
+    fn has_enough(&self) -> bool {
+        false
+    }
     /// A message of a channel.
     fn message(&mut self, _channel: &Arc<mcap::Channel<'static>>, _header: &MessageHeader, _data: &[u8]) {}
     /// An attached file.
@@ -57,6 +65,8 @@ pub(super) struct Scan {
     confirmed: u64,
     end: u64,
     channels: ChannelAccumulator<'static>,
+    /// Whether the channels are known from a summary, so that a chunk may be passed over.
+    has_summary: bool,
     record: Vec<u8>,
     reader: LinearReader,
     damage: Damage,
@@ -132,8 +142,9 @@ impl Scan {
     /// From behind the file's magic.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         // Channels are told once, in the first chunk: a summary has them again where that chunk is damaged.
-        let channels =
-            summary(path)?.map_or_else(ChannelAccumulator::default, |s| ChannelAccumulator::from_summary(&s));
+        let summary = summary(path)?;
+        let has_summary = summary.is_some();
+        let channels = summary.map_or_else(ChannelAccumulator::default, |s| ChannelAccumulator::from_summary(&s));
         let file = File::open(path)?;
         let end = file.metadata()?.len();
         let mut file = BufReader::with_capacity(1 << 16, file);
@@ -145,6 +156,7 @@ impl Scan {
             confirmed: at,
             end,
             channels,
+            has_summary,
             record: Vec::new(),
             reader: new_reader(),
             damage: Damage::default(),
@@ -155,6 +167,7 @@ impl Scan {
     pub(super) fn run<V: Visitor>(mut self, visitor: &mut V) -> io::Result<Damage> {
         loop {
             let found = match self.next()? {
+                _ if visitor.has_enough() => return Ok(self.damage),
                 Next::End | Next::Record { opcode: op::DATA_END, .. } => return Ok(self.damage),
                 Next::Record { opcode, len } => {
                     let found = self.record(opcode, len, visitor)?;
@@ -216,12 +229,16 @@ impl Scan {
         if !wanted {
             return Ok(Found::Plausible);
         }
-        if opcode == op::CHUNK && !V::MESSAGES {
-            let mut header = vec![0; CHUNK_HEADER_LEN.min((FRAME_LEN + len) as usize)];
+        if opcode == op::CHUNK && (!V::MESSAGES || self.has_summary) {
+            let mut header = [0; CHUNK_HEADER_LEN];
+            let header = &mut header[..CHUNK_HEADER_LEN.min((FRAME_LEN + len) as usize)];
             self.file.seek(SeekFrom::Start(self.at))?;
-            self.file.read_exact(&mut header)?;
-            let fits = is_chunk_header(&header, self.end - self.at);
-            return Ok(if fits { Found::Whole } else { Found::Lost });
+            self.file.read_exact(header)?;
+            let fits = is_chunk_header(header, self.end - self.at);
+            let time = |at| number(header, FRAME_LEN + at, 8).unwrap_or_default();
+            if !fits || !V::MESSAGES || !visitor.wants(time(0), time(8)) {
+                return Ok(if fits { Found::Whole } else { Found::Lost });
+            }
         }
         // The frame stays in front of the body: a chunk is unpacked with it.
         self.record.resize((FRAME_LEN + len) as usize, 0);

@@ -1,12 +1,14 @@
 //! What the rows depend on, linearized about a plant.
 
+use super::arrivals::{self, Arrivals};
 use super::linearize;
 use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
 use super::servos;
-use crate::servo_response::GainSlope;
+use crate::servo_response::ValueSlope;
+use fss_experiments::commands::Commands;
 use fss_plant::Plant;
 
 /// The noise's model, and what a prediction along the path lacks.
@@ -14,8 +16,8 @@ pub(super) struct Linearization {
     pub(super) model: NoiseModel,
     /// Mean over a row's samples less the reading at its time, less what the path is beside the reference.
     pub(super) shift: Vec<f64>,
-    /// What other gains of the servos change.
-    pub(super) by_gain: Vec<GainSlope>,
+    /// What other values of the drives change.
+    pub(super) by_value: Vec<ValueSlope>,
 }
 
 impl Linearization {
@@ -26,7 +28,7 @@ impl Linearization {
         mechanics: &Mechanics,
         (path, rows, scale): (&MeasuredPath, &[Row], &[f64]),
         model: &NoiseModel,
-        reference: Option<&Reference>,
+        (reference, commands): (Option<&Reference>, Option<&Commands>),
     ) -> Option<Self> {
         let readings = linearize::predict(mechanics, path, rows);
         let averaging = linearize::averaging(mechanics, path, rows, &readings);
@@ -35,11 +37,14 @@ impl Linearization {
         }
         let mut slopes = linearize::slopes(plant, mechanics, path, rows, scale);
         linearize::timing(mechanics, path, rows, &mut slopes);
+        if let Some(reference) = reference.filter(|_| commands.is_some()) {
+            arrivals::add_timing(reference, rows, &mut slopes);
+        }
         let mut model = NoiseModel { slopes, ..model.clone() };
-        servos::uncertain_arrivals(reference, rows, &mut model);
+        model.arrivals = commands.and_then(|c| Arrivals::new(plant, mechanics, c, rows));
         let beside = model.read_motion(rows, |joint, stamp_s| path.deviation(joint, stamp_s, reference));
         let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
-        let by_gain = servos::gain_slopes(reference.map_or(&[], |r| &r.by_gain), rows, &model);
-        Some(Self { model, shift, by_gain })
+        let by_value = servos::value_slopes(reference.map_or(&[], |r| &r.changes), path, rows, &model);
+        Some(Self { model, shift, by_value })
     }
 }

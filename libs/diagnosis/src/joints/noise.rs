@@ -1,11 +1,12 @@
 //! The state-space model of what the joints' channels have in common beside the prediction.
 //!
 //! States: each joint's angle, rate and acceleration beside the reference; a torque of unit variance on each link and one in
-//! each drive; three of unit variance that displace the end-effector; and of each joint that datagrams command how late they
-//! arrive, of unit variance, constant from one to the next. The motion of an arm that follows commands is smooth
+//! each drive; three of unit variance that displace the end-effector; and of joints that datagrams command those of
+//! [`super::arrivals`]. The motion of an arm that follows commands is smooth
 //! (acceleration of inferred strength); that of an arm whose torques are known all the time is anything, and its torques tell
 //! what it is.
 
+use super::arrivals::Arrivals;
 use super::hyper::Hyper;
 use super::process::{Step3, constant_between, singer};
 use super::rows::{Kind, Row};
@@ -23,13 +24,11 @@ const LEAST_TORQUE: f64 = 1e-6;
 pub(super) struct Slopes {
     /// By the states of the motion: index 3 joint + (angle, rate, acceleration).
     pub(super) motion: Vec<(usize, f64)>,
-    /// By one standard deviation of the arrival of each joint's datagrams; empty where none command it.
-    pub(super) arrival: Vec<f64>,
     /// By the torque in the row's joint: N m of the torque scale in units of the row.
     pub(super) torque: f64,
     /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.
     pub(super) unit_friction_variance: f64,
-    /// And thrust of which it is not known whether it had begun.
+    /// And thrust of which it is not known whether it had begun, or a datagram whether it had arrived.
     pub(super) timing_variance: f64,
     /// Of an end-effector's row: shares of x, y and angle in it that make its noise independent of the rows before it, and
     /// the standard deviation of what is left.
@@ -55,8 +54,8 @@ pub(super) struct NoiseModel {
     pub(super) any_acceleration: f64,
     /// Usual interval between telemetry rows, s.
     pub(super) interval_s: f64,
-    /// Correlation time of the datagrams' arrivals, s; `None` without datagrams.
-    pub(super) arrival_s: Option<f64>,
+    /// What late datagrams do; `None` without datagrams.
+    pub(super) arrivals: Option<Arrivals>,
 }
 
 /// Places of the states.
@@ -64,7 +63,7 @@ struct Places {
     link: Vec<Option<usize>>,
     drive: Vec<Option<usize>>,
     tip: Option<usize>,
-    /// Of the first joint's arrivals; the other joints' follow.
+    /// Of the first of the states of [`Arrivals`].
     arrival: usize,
     count: usize,
 }
@@ -81,7 +80,7 @@ impl NoiseModel {
         let drive = self.powered.iter().map(|p| next(*p)).collect();
         let tip = next(self.has_tip);
         let arrival = if self.has_tip { count + 2 } else { count };
-        let count = arrival + if self.arrival_s.is_some() { self.links } else { 0 };
+        let count = arrival + if self.arrivals.is_some() { 3 * self.links } else { 0 };
         Places { link, drive, tip, arrival, count }
     }
 
@@ -123,7 +122,9 @@ impl NoiseModel {
             initial[(3 * j + 1) * (n + 1)] = START_SD[1] * START_SD[1];
             initial[(3 * j + 2) * (n + 1)] = self.acceleration_variance(0, j, hyper);
         }
-        (3 * self.links..n).for_each(|i| initial[i * (n + 1)] = 1.0);
+        // Nothing is displaced before the first datagram.
+        let at_rest = if self.arrivals.is_some() { places.arrival + self.links } else { n };
+        (3 * self.links..at_rest).for_each(|i| initial[i * (n + 1)] = 1.0);
         let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
         let mut filter = Whitener::new(n, initial, columns);
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
@@ -135,7 +136,7 @@ impl NoiseModel {
                 filter.advance(&step);
             }
             last_s = row.t_s;
-            let variance = self.measurement((row, k), (hyper, breakaway_n_m), &places, &mut states);
+            let variance = self.measurement((row, k, moment), (hyper, breakaway_n_m), &places, &mut states);
             filter.measure(&states, variance);
         }
         filter.log_det()
@@ -150,7 +151,6 @@ impl NoiseModel {
     }
 
     fn step(&self, dt_s: f64, moment: usize, hyper: &Hyper, begin: &[f64], places: &Places, step: &mut Step) {
-        let n = places.count;
         step.clear();
         let (transition, noise) = (&mut step.transition, &mut step.noise);
         let paused = self.driven && dt_s > PAUSE * self.interval_s;
@@ -174,17 +174,21 @@ impl NoiseModel {
                 }
             }
         }
-        for i in 3 * self.links..n {
-            let time_s = self.arrival_s.filter(|_| i >= places.arrival).unwrap_or(hyper.torque_s);
-            transition.push((i, i, (-dt_s / time_s).exp()));
-            noise.push((i, i, -(-2.0 * dt_s / time_s).exp_m1()));
+        for i in 3 * self.links..places.arrival {
+            transition.push((i, i, (-dt_s / hyper.torque_s).exp()));
+            noise.push((i, i, -(-2.0 * dt_s / hyper.torque_s).exp_m1()));
+        }
+        if let Some(arrivals) = self.arrivals.as_ref().and_then(|a| a.steps.get(moment - 1)) {
+            let placed = |(i, j, v): &(usize, usize, f64)| (places.arrival + i, places.arrival + j, *v);
+            transition.extend(arrivals.transition.iter().map(placed));
+            noise.extend(arrivals.noise.iter().map(placed));
         }
     }
 
     /// The states that a row measures and the variance of its noise.
     fn measurement(
         &self,
-        (row, k): (&Row, usize),
+        (row, k, moment): (&Row, usize, usize),
         (hyper, breakaway_n_m): (&Hyper, &[f64]),
         places: &Places,
         states: &mut Vec<(usize, f64)>,
@@ -192,12 +196,13 @@ impl NoiseModel {
         let slopes = &self.slopes[k];
         states.clear();
         states.extend_from_slice(&slopes.motion);
-        let arrivals = slopes.arrival.iter().enumerate().map(|(joint, slope)| (places.arrival + joint, *slope));
-        states.extend(arrivals.filter(|(_, slope)| *slope != 0.0));
+        if let Some(arrivals) = &self.arrivals {
+            arrivals.read(moment, &slopes.motion, places.arrival, states);
+        }
         let (noise, torque) = (row.noise, slopes.torque);
         let variance = match row.kind {
             Kind::Angle(_) => (noise * hyper.noise[0]).powi(2),
-            Kind::Rate(_) => (noise * hyper.noise[1]).powi(2),
+            Kind::Rate(_) => (noise * hyper.noise[1]).powi(2) + slopes.timing_variance,
             Kind::Torque(i) => {
                 states.extend(places.link[i].map(|place| (place, torque * hyper.link)));
                 (noise * hyper.noise[3]).powi(2) + self.white(torque, hyper) + slopes.timing_variance

@@ -1,6 +1,6 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
-use super::smoother::{Reading, smooth};
+use super::smoother::{Reading, likeliest_jerk, smooth, smooth_with};
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
 use crate::servo_response::{self, Nodes, Response};
@@ -22,16 +22,15 @@ const LEAST_RATE_SD: f64 = 6e-5;
 pub(super) struct Reference {
     /// Each joint's motion.
     pub(super) joints: Vec<Track>,
-    /// How it depends on the logarithm of each of its servo's gains; empty without datagrams.
-    pub(super) by_gain: Vec<Vec<Track>>,
+    /// What it changes by with each value of its drive ([`Response::by_value`]); empty without datagrams.
+    pub(super) changes: Vec<Vec<Nodes>>,
 }
 
 impl Reference {
     fn of(response: Response, start_s: f64) -> Self {
-        let tracks =
-            |all: Vec<Nodes>| all.into_iter().map(|nodes| Track::new(start_s, NODE_S, nodes)).collect::<Vec<_>>();
-        let by_gain = response.by_gain.into_iter().map(tracks).collect();
-        Self { joints: tracks(response.nominal), by_gain }
+        let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
+        let joints = response.nominal.into_iter().map(track).collect();
+        Self { joints, changes: response.by_value }
     }
 }
 
@@ -48,6 +47,8 @@ pub(super) struct MeasuredPath {
     pub(super) base: Option<[Track; 3]>,
     start_s: f64,
     nodes: usize,
+    /// Telemetry of each joint, and the density of jerk with which it is smoothed, rad/s3 per root Hz.
+    telemetry: Vec<(Vec<Reading>, f64)>,
 }
 
 impl MeasuredPath {
@@ -75,9 +76,10 @@ impl MeasuredPath {
         } else {
             let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
             let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
-            command.map(|command| Reference { joints: tracks(follow(command)), by_gain: Vec::new() })
+            command.map(|command| Reference { joints: tracks(follow(command)), changes: Vec::new() })
         };
-        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
+        let (base, telemetry) = (None, Vec::new());
+        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base, start_s, nodes, telemetry };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
         }
@@ -95,7 +97,9 @@ impl MeasuredPath {
                 Reading { angle: r.angle.map(|(v, n)| (v - q, n)), rate: r.rate.map(|(v, n)| (v - qd, n)), ..*r }
             })
             .collect();
-        let smoothed = smooth(&deviations, grid_s);
+        let jerk = likeliest_jerk(&deviations);
+        let smoothed = smooth_with(&deviations, jerk, grid_s);
+        self.telemetry.push((deviations, jerk));
         let sum = |(t, s): (&f64, &super::smoother::Smoothed)| {
             let expected = at(*t);
             std::array::from_fn(|i| expected[i] + s.value[i])
@@ -103,6 +107,21 @@ impl MeasuredPath {
         let nodes = grid_s.iter().zip(&smoothed).map(sum).collect();
         self.joints.push(Track::new(self.start_s, NODE_S, nodes));
         self.rate_sd.push(smoothed.iter().map(|s| s.rate_sd).collect());
+    }
+
+    /// What of a change of a joint's motion, on the nodes of this path, telemetry does not show between its rows.
+    pub(super) fn unseen(&self, joint: usize, change: &Nodes) -> Track {
+        let whole = self.track(change.clone());
+        let (telemetry, jerk) = &self.telemetry[joint];
+        let reading = |r: &Reading| {
+            let [angle, rate, _] = whole.at(r.t_s);
+            Reading { angle: r.angle.map(|(_, n)| (angle, n)), rate: r.rate.map(|(_, n)| (rate, n)), ..*r }
+        };
+        let readings: Vec<Reading> = telemetry.iter().map(reading).collect();
+        let grid_s: Vec<f64> = self.grid_s().collect();
+        let seen = smooth_with(&readings, *jerk, &grid_s);
+        let rest = change.iter().zip(&seen).map(|(all, seen)| std::array::from_fn(|i| all[i] - seen.value[i]));
+        self.track(rest.collect())
     }
 
     /// What servos answer, on the nodes of this path.

@@ -2,6 +2,7 @@
 
 use super::path::MeasuredPath;
 use super::telemetry::{groups, interval_s, is_driven, mean, unwrapped};
+use crate::servo_response::datagrams;
 use fss_experiments::measured::{Drive, Poses, Run};
 use fss_plant::Plant;
 use std::ops::Range;
@@ -46,7 +47,12 @@ const LONGEST_TIP_BIN_S: f64 = 0.1;
 /// All rows of a run, in order of time.
 pub(super) fn rows(plant: &Plant, run: &Run, path: &MeasuredPath) -> Vec<Row> {
     let Some(joints) = &run.joints else { return Vec::new() };
-    let width = if is_driven(run) { SWING_BIN_S } else { SERVO_BIN_S };
+    let width = match datagrams(plant, run) {
+        // Servos answer each datagram within some hundredths of a second.
+        Some(_) => 0.0,
+        None if is_driven(run) => SWING_BIN_S,
+        None => SERVO_BIN_S,
+    };
     let bins = groups(&joints.t_s, width);
     let sensors = &plant.sensors;
     let mut out = Vec::new();

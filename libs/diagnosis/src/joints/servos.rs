@@ -1,19 +1,18 @@
-//! What the rows change by where servos make another motion of the datagrams than the nominal plant's would: with other gains, other
-//! masses, at other times.
+//! What the rows change by where servos make another motion of the datagrams than the nominal plant's would: with other gains,
+//! other masses.
 
 use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
-use super::track::Track;
-use crate::servo_response::{self, ARRIVAL_SD_S, GainSlope, datagrams};
+use crate::servo_response::{self, Nodes, ValueSlope, datagrams};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
-use fss_plant::{Effect, Place, Plant};
+use fss_plant::Plant;
 
 /// The servos of a run.
 pub(super) struct Servos {
     /// What they were told; `None` without datagrams.
-    commands: Option<Commands>,
+    pub(super) commands: Option<Commands>,
 }
 
 impl Servos {
@@ -29,35 +28,17 @@ impl Servos {
     }
 }
 
-/// Whether an effect changes what servos make of their commands.
-pub(super) fn moves(effect: &Effect) -> bool {
-    matches!(effect.about().place, Place::Mass | Place::Joint)
-}
-
-/// What the rows change by with the logarithm of each gain of each joint's servo.
-pub(super) fn gain_slopes(by_gain: &[Vec<Track>], rows: &[Row], model: &NoiseModel) -> Vec<GainSlope> {
-    let of = |gain: usize, joint: usize| {
-        let motion = |j: usize, stamp_s: f64| {
-            if j == joint { by_gain[gain][joint].at(stamp_s) } else { [0.0; 3] }
-        };
-        GainSlope { gain, joint, of_row: model.read_motion(rows, motion) }
+/// What the rows change by with each value of each joint's drive.
+pub(super) fn value_slopes(
+    changes: &[Vec<Nodes>],
+    path: &MeasuredPath,
+    rows: &[Row],
+    model: &NoiseModel,
+) -> Vec<ValueSlope> {
+    let of = |value: usize, joint: usize| {
+        let unseen = path.unseen(joint, &changes[value][joint]);
+        let motion = |j: usize, stamp_s: f64| if j == joint { unseen.at(stamp_s) } else { [0.0; 3] };
+        ValueSlope { value, joint, of_row: model.read_motion(rows, motion) }
     };
-    (0..by_gain.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
-}
-
-/// What a row changes by where the datagrams of a joint arrive a standard deviation later than they are taken to.
-pub(super) fn uncertain_arrivals(reference: Option<&Reference>, rows: &[Row], model: &mut NoiseModel) {
-    let Some(reference) = reference.filter(|_| model.arrival_s.is_some()) else { return };
-    for joint in 0..model.links {
-        let later = |j: usize, stamp_s: f64| {
-            if j != joint {
-                return [0.0; 3];
-            }
-            let (before, now) = (reference.joints[j].at(stamp_s - ARRIVAL_SD_S), reference.joints[j].at(stamp_s));
-            std::array::from_fn(|i| before[i] - now[i])
-        };
-        for (slopes, by) in model.read_mixed(rows, later).into_iter().enumerate() {
-            model.slopes[slopes].arrival.push(by);
-        }
-    }
+    (0..changes.len()).flat_map(|value| (0..model.links).map(move |joint| of(value, joint))).collect()
 }

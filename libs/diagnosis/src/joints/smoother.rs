@@ -50,9 +50,19 @@ struct Step {
 
 /// The path at the times of `grid_s` (increasing) through readings in order of time; zeros without any.
 pub(super) fn smooth(readings: &[Reading], grid_s: &[f64]) -> Vec<Smoothed> {
+    smooth_with(readings, likeliest_jerk(readings), grid_s)
+}
+
+/// The same with a density of jerk, rad/s3 per root Hz.
+pub(super) fn smooth_with(readings: &[Reading], jerk: f64, grid_s: &[f64]) -> Vec<Smoothed> {
     if readings.is_empty() {
         return vec![Smoothed::default(); grid_s.len()];
     }
+    backward(&filter(readings, jerk, grid_s).0)
+}
+
+/// The density of jerk with the largest likelihood, rad/s3 per root Hz.
+pub(super) fn likeliest_jerk(readings: &[Reading]) -> f64 {
     let mut best = (JERKS[0], f64::NEG_INFINITY);
     for jerk in JERKS {
         let likelihood = filter(readings, jerk, &[]).1;
@@ -60,7 +70,7 @@ pub(super) fn smooth(readings: &[Reading], grid_s: &[f64]) -> Vec<Smoothed> {
             best = (jerk, likelihood);
         }
     }
-    backward(&filter(readings, best.0, grid_s).0)
+    best.0
 }
 
 fn transition(dt: f64) -> Matrix3<f64> {
