@@ -59,6 +59,10 @@ in_root test -s /var/lib/fss/out/hold/run.mcap || fail "no log"
 for program in fss fss-ground fss-bridge; do
     in_root "$program" --version > /dev/null || fail "$program does not run"
 done
+in_root test -s /usr/include/fss.h || fail "libfss has no header"
+if in_root sh -c 'command -v python3' > /dev/null; then
+    in_root python3 -c 'import fss.service; fss.service._load()' || fail "Python does not find libfss"
+fi
 in_root fss host check --launch /etc/fss/launch/vehicle.toml > /dev/null || true
 
 say "upgrade with an edited configuration"

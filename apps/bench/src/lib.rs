@@ -10,6 +10,7 @@ mod calibration;
 mod distribution;
 mod ipc;
 mod jitter;
+mod lockstep;
 mod recorder;
 mod stack;
 mod view;
@@ -40,6 +41,8 @@ pub enum BenchCommand {
     Recorder(RecorderArgs),
     /// What the whole stack costs at its launch rates, and how old a measurement is when its valve command leaves.
     Stack(StackArgs),
+    /// What a step in lockstep costs of each program of a launch file.
+    Lockstep(LockstepArgs),
     /// What a live page at 30 pictures a second costs those who fly: the stack with and without `fss view`, in turns.
     View(ViewArgs),
 }
@@ -100,6 +103,19 @@ pub struct StackArgs {
     json: bool,
 }
 
+/// Which programs to step.
+#[derive(Args)]
+pub struct LockstepArgs {
+    /// The launch file, with the programs.
+    launch: PathBuf,
+    /// Steps of each.
+    #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: u64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
 /// How to fly, and who looks.
 #[derive(Args)]
 pub struct ViewArgs {
@@ -155,6 +171,7 @@ pub fn run(command: &BenchCommand) -> Result<()> {
             let times = ipc::measure()?;
             tell(args.json, &times, || times.print())
         }
+        BenchCommand::Lockstep(args) => lockstep::run(args),
         BenchCommand::Jitter(args) => {
             let times = jitter::measure(args.rate_hz, args.priority, args.core, args.seconds)?;
             tell(args.json, &times, || times.print())

@@ -1,7 +1,8 @@
 //! `fss new service`: a service of one's own, ready to build and fly.
 
 use clap::{Args, Subcommand};
-use fss_bus::launch::{Launch, SERVICES};
+use fss_bus::launch::Launch;
+use fss_launcher::services::names;
 use fss_launcher::stack::DEFAULT_LAUNCH;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::os::unix::fs::PermissionsExt;
@@ -145,10 +146,11 @@ pub fn run(command: &NewCommand) -> Result<()> {
 
 /// Whether the launch file takes a service of this name.
 fn check_name(name: &str, launch: &str) -> Result<()> {
-    if SERVICES.contains(&name) {
+    let known = names();
+    if known.contains(&name) {
         return Err(miette!(help = "take another name", "'{name}' is a service of fss"));
     }
-    Launch::parse(launch, SERVICES).map_err(|e| miette!(help = e.help, "{}", e.message))?;
+    Launch::parse(launch, &known).map_err(|e| miette!(help = e.help, "{}", e.message))?;
     Ok(())
 }
 

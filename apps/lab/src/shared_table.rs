@@ -28,7 +28,7 @@ impl SharedTable {
             if let Some(mass_kg) = target_mass_kg.filter(|m| (m - other.mass_kg).abs() > MASS_TOLERANCE * other.mass_kg)
             {
                 let weighs_kg = other.mass_kg;
-                tracing::warn!(mass_kg, weighs_kg, "[target] has another mass than the vehicle that stands for it");
+                eprintln!("[target] has {mass_kg} kg, and the vehicle that stands for it {weighs_kg} kg");
             }
         } else if self.other.is_some_and(|known| known.time_ns > other.time_ns) {
             return;

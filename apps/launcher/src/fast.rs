@@ -2,28 +2,25 @@
 
 use crate::description::Description;
 use crate::follower::Follower;
+use crate::link_key::secret_of;
 use crate::listener::Listener;
 use crate::processes::start_of;
-use crate::programs::program_of;
+use crate::services::Services;
 use crate::stack::Stack;
 use crate::summary::Records;
-use fss_arm::{ArmConfig, ArmService};
-use fss_base::{Base, BaseConfig};
-use fss_bus::launch::Schedule;
+use fss_bus::launch::{BRIDGE, GROUND, Schedule};
 use fss_bus::virtual_time::{self, Tick};
-use fss_bus::{Bus, BusError, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Service, Time};
-use fss_calibration::{Calibration, MovementBand};
+use fss_bus::{Bus, BusError, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Time};
 use fss_fusion::device::{gyro_packet, packet};
-use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
+use fss_fusion::{GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
 use fss_lab::{DeviceOutputs, LabConfig, Laboratory, TRUTH_PERIOD_NS};
-use fss_links::{COMMAND_QUEUE, CommandDatagram, LinksConfig, LinksService, TELEMETRY_QUEUE, TelemetryDatagram};
+use fss_links::{COMMAND_QUEUE, CommandDatagram, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MissionState, TruthState, topic};
-use fss_mission::{MissionConfig, MissionService};
 use fss_plant::Plant;
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
 use fss_service::topics_of;
-use fss_thrusters::{Thrusters, VALVES_QUEUE};
+use fss_thrusters::VALVES_QUEUE;
 use fss_wire::dsp3000;
 use fss_wire::link::Key;
 use fss_wire::mocap::{Reader, Sighting};
@@ -140,46 +137,23 @@ fn add(
     recorder: &Rc<RefCell<impl Tick + 'static>>,
 ) -> Result<()> {
     let (period_ns, phase_ns) = (schedule.period_ns(), schedule.phase_ns());
-    let plant = &stack.plant;
-    let rate_hz = *schedule.rate_hz.get_ref();
-    macro_rules! member {
-        ($service:expr) => {
-            clock.add(runner($service, bus)?, period_ns, phase_ns)
-        };
-    }
-    if let Some(program) = program_of(&stack.programs, schedule.name.get_ref()) {
-        clock.add(Follower::start(stack, program, bus, seed)?, period_ns, phase_ns);
+    let name = schedule.name.get_ref().as_str();
+    if let Some((path, description)) = stack.program(name) {
+        clock.add(Follower::start(stack, (path, description), bus, seed, 1)?, period_ns, phase_ns);
         return Ok(());
     }
-    match schedule.name.get_ref().as_str() {
+    match name {
         "recorder" => clock.add(Shared(recorder.clone()), period_ns, phase_ns),
         "lab" => clock.add(VirtualLaboratory::new(stack, laboratory, bus, seed)?, period_ns, phase_ns),
-        "fusion" => member!(Fusion::new(FusionConfig::from_plant(plant))),
-        "links" => member!(LinksService::new(LinksConfig::new(plant), key_of(seed)?, 1)),
-        "arm" => member!(ArmService::new(ArmConfig::new(plant).into_diagnostic()?)),
-        "base" => {
-            let model = plant.model().into_diagnostic()?;
-            member!(Base::new(BaseConfig::from_plant(plant, model, rate_hz)));
-        }
-        "calibration" => member!(Calibration::new(plant.link_count(), MovementBand::of(plant))),
         // Nobody can watch a clock that nobody waits for, and no other vehicle flies by it.
-        "ground" | "bridge" => {}
-        "thrusters" => member!(Thrusters::new(plant.thrusters.len())),
-        "mission" => member!(MissionService::new(stack.mission.clone(), MissionConfig::for_plant(&stack.plant))),
-        other => return Err(miette!("service '{other}' does not fly on a virtual clock")),
+        GROUND | BRIDGE => {}
+        _ => {
+            let service = Services::linked().get(name);
+            let service = service.ok_or_else(|| miette!("service '{name}' does not fly on a virtual clock"))?;
+            clock.add(service.on_virtual_clock(stack, bus, seed)?, period_ns, phase_ns);
+        }
     }
     Ok(())
-}
-
-fn runner<S: Service>(service: S, bus: &Bus) -> Result<Runner<S>> {
-    Runner::new(service, bus).into_diagnostic()
-}
-
-/// The key of a run: both ends are in this process.
-fn key_of(seed: u64) -> Result<Key> {
-    let mut secret = [0; 32];
-    secret[..8].copy_from_slice(&seed.to_le_bytes());
-    Key::new(&secret).into_diagnostic()
 }
 
 /// The laboratory with its devices wired to the services' queues, through the same bytes as in real time.
@@ -202,7 +176,7 @@ struct Wires {
 
 impl VirtualLaboratory {
     fn new(stack: &Stack, plant: &Plant, bus: &Bus, seed: u64) -> Result<Self> {
-        let mut config = LabConfig::new(seed, key_of(seed)?);
+        let mut config = LabConfig::new(seed, Key::new(&secret_of(seed)).into_diagnostic()?);
         config.start = start_of(&stack.mission, plant, seed);
         config.tracker = stack.launch.devices.mocap.tracker();
         stack.faults.apply_to(&mut config);

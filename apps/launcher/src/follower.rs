@@ -5,9 +5,9 @@ use crate::stack::Stack;
 use fss_bus::lockstep::Leader;
 use fss_bus::virtual_time::Tick;
 use fss_bus::{Bus, BusError, SharedConfig, Time};
-use fss_service::{PortDescription, ProgramEntry, STOP_TIME, SiteArgs};
+use fss_service::{Description, PortDescription, STOP_TIME, SiteArgs};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
@@ -41,10 +41,15 @@ impl Follower {
     ///
     /// # Errors
     /// Where it cannot be started, or ends, with what it said.
-    pub(crate) fn start(stack: &Stack, program: &ProgramEntry, run: &Bus, seed: u64) -> Result<Self> {
+    pub(crate) fn start(
+        stack: &Stack,
+        (path, description): (&Path, &Description),
+        run: &Bus,
+        seed: u64,
+        starts: u32,
+    ) -> Result<Self> {
         let (number, id) = (COUNT.fetch_add(1, Ordering::Relaxed), std::process::id());
         let prefix = format!("fssstep{number}_{id}_");
-        let description = &program.description;
         let config = SharedConfig { node: format!("leader-{}", description.service), prefix: prefix.clone() };
         let shared = Bus::shared(&config).into_diagnostic()?.for_stack(&stack.launch);
         let topics =
@@ -57,8 +62,8 @@ impl Follower {
             .wrap_err_with(|| format!("cannot make {}", folder.display()))?;
         stack.write_to(&folder)?;
         let arguments =
-            SiteArgs { run: folder.clone(), bus: prefix.clone(), seed, starts: 1, resume: None, supervised: true };
-        let mut child = Command::new(&program.path)
+            SiteArgs { run: folder.clone(), bus: prefix.clone(), seed, starts, resume: None, supervised: true };
+        let mut child = Command::new(path)
             .args(arguments.to_arguments())
             .arg("--lockstep")
             .stdin(Stdio::piped())
@@ -66,7 +71,7 @@ impl Follower {
             .stderr(Stdio::piped())
             .spawn()
             .into_diagnostic()
-            .wrap_err_with(|| format!("cannot start {}", program.path.display()))?;
+            .wrap_err_with(|| format!("cannot start {}", path.display()))?;
         let said = Some(drain(child.stderr.take()));
         let mut process = Process { child, said, folder, prefix };
         let service = description.service.clone();

@@ -2,11 +2,11 @@
 
 use crate::files::program_of;
 use crate::limits::LimitWatch;
-use crate::member::{FIRST_PAUSE, Member, Site};
+use crate::member::{BIRTH_TIME, FIRST_PAUSE, Member, Site};
 use crate::notify::Systemd;
-use crate::programs;
+use crate::services::published_by;
 use crate::stack::Stack;
-use fss_bus::launch::{BRIDGE, GROUND, PROGRAMS};
+use fss_bus::launch::{BRIDGE, GROUND, PROGRAMS, Schedule};
 use fss_bus::{Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, realtime};
 use fss_messages::{Event, Health, LinksState, MissionState, text_of, topic};
 use fss_mission::MissionService;
@@ -31,14 +31,13 @@ const LONGEST_PAUSE: Duration = Duration::from_millis(500);
 const STILLBORN: Duration = Duration::from_millis(500);
 /// So many starts in a row that did not work, of a service that the flight needs, end it in safe mode.
 const STILLBORN_LIMIT: u32 = 8;
-/// How long a service may take to give its first sign of life.
-pub(crate) const BIRTH_TIME: Duration = Duration::from_secs(5);
 /// A launcher that was itself held up for so long cannot tell who else was.
 const OWN_STALL: Duration = Duration::from_millis(150);
 /// How long safe mode is recorded before the run ends.
 const SAFE_MODE_TIME: Duration = Duration::from_secs(1);
-/// Services that move the vehicle: safe mode stops them, and what they drove comes to rest by its own time-out.
-const MOVERS: [&str; 3] = ["mission", "base", "arm"];
+/// Who publishes one of these moves the vehicle: safe mode stops it, and what it drove comes to rest by its own time-out.
+const MOVING: [&str; 4] =
+    [topic::MISSION_STATE.name, topic::ARM_COMMAND.name, topic::BASE_COMMAND.name, topic::THRUSTERS_COMMAND.name];
 /// They end after the flight's services: the world in which these act, and the log of what they do.
 const OUTLASTING: [&str; 2] = ["recorder", "lab"];
 /// The flight goes on without them, whatever happens to them.
@@ -80,6 +79,14 @@ pub fn fly(stack: &Stack, site: &Site, stop: &AtomicBool, mut progress: impl FnM
     Ok(flown)
 }
 
+/// The topics that a service of the stack publishes.
+fn outputs_of(stack: &Stack, service: &str) -> Vec<String> {
+    match stack.program(service) {
+        Some((_, description)) => description.outputs.iter().map(|port| port.topic.clone()).collect(),
+        None => published_by(service),
+    }
+}
+
 struct Supervisor<'a> {
     site: &'a Site,
     members: Vec<Member>,
@@ -96,11 +103,13 @@ struct Supervisor<'a> {
 impl<'a> Supervisor<'a> {
     fn join(stack: &Stack, site: &'a Site) -> Result<Self> {
         let config = SharedConfig { node: "launcher".to_owned(), prefix: site.bus_prefix.clone() };
-        let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
-        let program = |name: &str| programs::program_of(&stack.programs, name).map(|program| program.path.clone());
-        let services = stack.launch.services.iter().cloned();
-        let members = services.map(|service| (program(service.name.get_ref()), service));
-        let members = members.map(|(program, service)| Member::new(service, program)).collect();
+        let bus = Bus::shared(&config).into_diagnostic()?.for_stack(&stack.launch);
+        let member = |service: &Schedule| {
+            let name = service.name.get_ref();
+            let moves = outputs_of(stack, name).iter().any(|topic| MOVING.contains(&topic.as_str()));
+            Member::new(service.clone(), stack.program(name).map(|(path, _)| path.to_owned()), moves)
+        };
+        let members = stack.launch.services.iter().map(member).collect();
         Ok(Self {
             site,
             members,
@@ -244,7 +253,7 @@ impl<'a> Supervisor<'a> {
     fn safe_mode(&mut self, why: &str) -> Result<()> {
         self.say(Event::CRITICAL, format_args!("safe mode: {why}"));
         for member in &mut self.members {
-            if MOVERS.contains(&member.schedule.name.get_ref().as_str()) {
+            if member.moves {
                 member.stop();
             }
         }

@@ -2,9 +2,10 @@
 //!
 //! In the order of reading:
 //!
-//! - [`stack`]: launch file, plant file and mission file, read and checked.
-//! - [`processes`]: one process of a stack; [`member`], [`launcher`]: those that a launch file names, supervised.
-//! - `programs`: services written elsewhere, asked what they are; `follower`: one of them, on a clock that nobody waits for.
+//! - [`stack`]: launch file, plant file and mission file; `load`: read and checked.
+//! - [`services`]: the services that are linked into this program, with their devices.
+//! - [`processes`]: one process of a stack, in its `seat`; [`member`], [`launcher`]: those that a launch file names, supervised.
+//! - `programs`: services from elsewhere, asked what they are; `follower`: one of them, on a clock that nobody waits for.
 //! - [`fast`]: all services in one process, on a virtual clock.
 //! - [`replay`]: every service again from a log's inputs.
 //! - [`summary`], [`figures`]: what a flight has come to.
@@ -24,6 +25,7 @@ pub mod launcher;
 mod limits;
 pub mod link_key;
 mod listener;
+mod load;
 pub mod measured;
 pub mod member;
 mod notify;
@@ -31,7 +33,8 @@ mod overruns;
 pub mod processes;
 mod programs;
 pub mod replay;
-mod services;
+mod seat;
+pub mod services;
 pub mod soak;
 pub mod stack;
 pub mod summary;

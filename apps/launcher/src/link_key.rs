@@ -28,8 +28,8 @@ pub fn make_link_key(stack: &Stack, folder: &Path) -> Result<()> {
     file.and_then(|mut file| file.write_all(&secret)).into_diagnostic().wrap_err_with(say)
 }
 
-/// The key that authenticates commands to the links; only its owner may read it.
-pub(crate) fn read_key(path: &Path) -> Result<Key> {
+/// The secret of the key that authenticates commands to the links; only its owner may read it.
+pub(crate) fn read_secret(path: &Path) -> Result<Vec<u8>> {
     use std::os::unix::fs::PermissionsExt;
     let say = || format!("link key {} ([devices] link_key)", path.display());
     let mode = std::fs::metadata(path).into_diagnostic().wrap_err_with(say)?.permissions().mode();
@@ -42,5 +42,13 @@ pub(crate) fn read_key(path: &Path) -> Result<Key> {
         .wrap_err(say()));
     }
     let secret = std::fs::read(path).into_diagnostic().wrap_err_with(say)?;
-    Key::new(&secret).into_diagnostic().wrap_err_with(say)
+    Key::new(&secret).into_diagnostic().wrap_err_with(say)?;
+    Ok(secret)
+}
+
+/// The secret on a virtual clock, where both ends are in one process.
+pub(crate) fn secret_of(seed: u64) -> [u8; 32] {
+    let mut secret = [0; 32];
+    secret[..8].copy_from_slice(&seed.to_le_bytes());
+    secret
 }

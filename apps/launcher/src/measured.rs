@@ -1,11 +1,13 @@
 //! A flight whose processes' time is taken.
 
+use crate::follower::Follower;
 use crate::launcher;
 use crate::link_key::make_link_key;
 use crate::member::Site;
 use crate::soak;
 use crate::stack::LOG_FILE;
 use crate::stack::Stack;
+use fss_bus::{Bus, Time};
 use fss_messages::MissionState;
 use fss_service::stop_on_signal;
 use miette::{IntoDiagnostic, Result, miette};
@@ -113,4 +115,26 @@ pub fn time_of_process_ns(id: u32) -> u64 {
         .filter_map(|task| std::fs::read_to_string(task.path().join("schedstat")).ok())
         .filter_map(|text| text.split_whitespace().next()?.parse::<u64>().ok())
         .sum()
+}
+
+/// Steps each program of a stack in lockstep, and gives how long each step took, ns: from the word to step until what it published is
+/// here. The inputs are empty.
+///
+/// # Errors
+/// Where a program cannot be started, or does not answer.
+pub fn lockstep_ns(stack: &Stack, steps: u64) -> Result<BTreeMap<String, Vec<u64>>> {
+    let mut times = BTreeMap::new();
+    for program in &stack.programs {
+        let service = &program.description.service;
+        let Some(program) = stack.program(service) else { continue };
+        let mut follower = Follower::start(stack, program, &Bus::local().for_stack(&stack.launch), 1, 1)?;
+        let period_ns = stack.schedule(service)?.period_ns();
+        let mut step = |k: u64| -> Result<u64> {
+            let (now, asked) = (Time::from_ns(k * period_ns), Instant::now());
+            follower.step(now, now).into_diagnostic()?;
+            Ok(asked.elapsed().as_nanos() as u64)
+        };
+        times.insert(service.clone(), (1..=steps).map(&mut step).collect::<Result<_>>()?);
+    }
+    Ok(times)
 }

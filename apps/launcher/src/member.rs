@@ -18,6 +18,9 @@ use zerocopy::IntoBytes;
 /// First pause before a restart; it doubles with each restart of the same service.
 pub(crate) const FIRST_PAUSE: Duration = Duration::from_millis(10);
 
+/// How long a service may take to give its first sign of life.
+pub(crate) const BIRTH_TIME: Duration = Duration::from_secs(5);
+
 /// Where and as what the children run.
 pub struct Site {
     /// The run's folder, with plant.toml, launch.toml and mission.toml.
@@ -35,6 +38,8 @@ pub(crate) struct Member {
     pub(crate) schedule: Schedule,
     /// Its program, where it was written elsewhere.
     pub(crate) program: Option<PathBuf>,
+    /// Whether it moves the vehicle.
+    pub(crate) moves: bool,
     pub(crate) child: Option<Child>,
     pub(crate) said: Arc<Mutex<String>>,
     pub(crate) started: Instant,
@@ -50,10 +55,11 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    pub(crate) fn new(schedule: Schedule, program: Option<PathBuf>) -> Self {
+    pub(crate) fn new(schedule: Schedule, program: Option<PathBuf>, moves: bool) -> Self {
         Self {
             schedule,
             program,
+            moves,
             child: None,
             said: Arc::default(),
             started: Instant::now(),

@@ -1,13 +1,13 @@
-//! Programs of a stack that were written elsewhere: found, asked what they are, and checked against the rest of the stack.
+//! Services of a stack that do not come with fss: found, asked what they are, and checked against the rest of the stack.
 
 use crate::files::TextFile;
-use crate::services::published_by;
+use crate::services::{Services, published_by};
 use fss_bus::launch::{Launch, Schedule};
 use fss_messages::Definition;
 use fss_messages::topic::{self, Topic, TopicVisitor, is_shared};
 use fss_messages::{MAX_PORTS, Sample};
 use fss_service::{Description, PortDescription, ProgramEntry};
-use miette::{IntoDiagnostic, Report, Result, miette};
+use miette::{IntoDiagnostic, Report, Result};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::ops::Range;
@@ -29,15 +29,42 @@ const MOST_SAID: usize = 1 << 20;
 pub(crate) fn find(launch: &Launch, file: &TextFile) -> Result<Vec<ProgramEntry>> {
     let mut programs = Vec::new();
     for service in &launch.services {
-        if let Some(program) = &service.program {
+        let Some(program) = &service.program else {
+            programs.extend(linked(service, file)?);
+            continue;
+        };
+        {
             let at = |message: String, help: &str| file.error(message, help.to_owned(), Some(program.span()));
             let path = locate(program.get_ref(), &file.path, at)?;
             let description = ask(&path, service, file, at)?;
-            programs.push(ProgramEntry { path, description });
+            programs.push(ProgramEntry { path: Some(path), description });
         }
     }
     check(launch, &programs).map_err(|e| file.error(e.message, e.help, e.span))?;
     Ok(programs)
+}
+
+/// A service that is linked into this program, where it came from elsewhere.
+fn linked(service: &Schedule, file: &TextFile) -> Result<Option<ProgramEntry>> {
+    let entry = Services::linked().get(service.name.get_ref());
+    let guest = entry.filter(|entry| entry.is_guest());
+    match (guest, &service.config) {
+        (None, Some(config)) => {
+            let message = format!("'{}' is no service of one's own, and takes no config", service.name.get_ref());
+            let help = "the services of fss take what they need from the plant file and the mission file";
+            Err(file.error(message, help.to_owned(), Some(config.span())))
+        }
+        (None, None) => Ok(None),
+        (Some(guest), config) => {
+            guest.check(&service.config_text()).map_err(|e| {
+                let span = config.as_ref().map_or_else(|| service.name.span(), toml::Spanned::span);
+                let words = e.to_string();
+                let span = key_of(&words, &file.text, span);
+                file.error(words, String::new(), Some(span))
+            })?;
+            Ok(Some(ProgramEntry { path: None, description: guest.description() }))
+        }
+    }
 }
 
 /// The absolute path of a program that can be started: from the launch file's folder, or, by its bare name, one of those beside fss.
@@ -157,8 +184,10 @@ fn check(launch: &Launch, programs: &[ProgramEntry]) -> Result<(), Misfit> {
     let mut topics = BTreeMap::<String, Known>::new();
     topic::visit(&mut Ours(&mut topics));
     for service in launch.services.iter().filter(|service| service.program.is_none()) {
-        for topic in published_by(service.name.get_ref()) {
-            topics.entry((*topic).to_owned()).or_default().publisher = Some(service.name.get_ref().clone());
+        let name = service.name.get_ref();
+        for topic in published_by(name).into_iter().filter(|_| programs.iter().all(|p| p.description.service != *name))
+        {
+            topics.entry(topic).or_default().publisher = Some(service.name.get_ref().clone());
         }
     }
     for ProgramEntry { description, .. } in programs {
@@ -210,17 +239,4 @@ impl TopicVisitor for Ours<'_> {
         let known = Known { type_name: Some(T::TYPE_NAME.to_owned()), publisher: None };
         self.0.insert(topic.name.to_owned(), known);
     }
-}
-
-/// The program of a service, where it is one that was written elsewhere.
-pub(crate) fn program_of<'a>(programs: &'a [ProgramEntry], service: &str) -> Option<&'a ProgramEntry> {
-    programs.iter().find(|program| program.description.service == service)
-}
-
-/// As text for a run's folder or a log.
-///
-/// # Errors
-/// Never: it is plain text and lists.
-pub(crate) fn to_text(programs: &[ProgramEntry]) -> Result<String> {
-    serde_json::to_string_pretty(programs).map_err(|e| miette!("{e}"))
 }

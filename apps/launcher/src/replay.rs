@@ -1,10 +1,10 @@
 //! `fss replay`: every service computed again from the inputs that a log holds, and compared bit for bit.
 
-mod player;
+pub(crate) mod player;
 mod programs;
-mod services;
-mod tape;
+pub(crate) mod tape;
 
+use crate::services::Services;
 use crate::stack::Stack;
 use clap::Args;
 use fss_records::log::Log;
@@ -13,6 +13,7 @@ use player::Verdict;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use tape::Tape;
 
 /// What no log can give again, by name.
 const NOT_REPLAYED: &[(&str, &str)] = &[
@@ -59,7 +60,9 @@ pub fn run(args: &ReplayArgs) -> ExitCode {
 fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     let logs = args.logs.iter().map(|path| Log::open(path)).collect::<Result<Vec<_>, _>>().into_diagnostic()?;
     let stack = Stack::of_log(&logs[0])?;
-    let tape = services::tape(&stack, &logs)?;
+    let linked: Vec<_> = Services::linked().iter().filter(|service| is_linked(&stack, service.name())).collect();
+    let tape = linked.iter().fold(Tape::new(&stack.launch), |tape, service| service.with_ports(tape));
+    let tape = tape.read(&logs).into_diagnostic()?;
     if tape.steps.is_empty() {
         return Err(miette!(
             help = "fly again with this version: it records each step on /steps",
@@ -67,8 +70,10 @@ fn replay(args: &ReplayArgs) -> Result<ExitCode> {
             logs[0].path().display()
         ));
     }
-    let mut services = services::replay_all(&stack, &tape)?;
-    services.extend(programs::replay_all(&stack, &tape, &logs)?);
+    let mut services = linked.iter().map(|service| service.replay(&stack, &tape)).collect::<Result<Vec<_>>>()?;
+    services.extend(programs::replay_all(&stack, &tape, &logs, |name| {
+        linked.iter().any(|service| service.name() == name)
+    })?);
     let differ = services.iter().any(|verdict| verdict.difference_count > 0);
     let incomplete = services.iter().any(|verdict| !verdict.gaps.is_empty());
     let not_replayed: Vec<String> = NOT_REPLAYED.iter().map(|(name, why)| format!("{name}: {why}")).collect();
@@ -85,6 +90,11 @@ fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     } else {
         0
     }))
+}
+
+/// Whether the stack flew this service without a program of its own.
+fn is_linked(stack: &Stack, service: &str) -> bool {
+    stack.launch.schedule(service).is_some_and(|schedule| schedule.program.is_none())
 }
 
 fn print(services: &[Verdict], not_replayed: &[String]) {

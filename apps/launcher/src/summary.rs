@@ -387,13 +387,12 @@ fn services(health: &[Health]) -> BTreeMap<String, ServiceFigures> {
     services
 }
 
+/// What was warned of, in at most so many lines: what floods is counted.
 fn warnings(events: &[Event], first_ns: u64) -> Vec<String> {
-    events
-        .iter()
-        .filter(|e| e.severity >= Event::WARNING)
-        .map(|e| {
-            let t_s = e.header().stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
-            format!("{t_s:.2} s {}: {}", text_of(&e.service), text_of(&e.text))
-        })
-        .collect()
+    const MOST: usize = 100;
+    let grave = || events.iter().filter(|e| e.severity >= Event::WARNING);
+    let seconds = |e: &Event| e.header().stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
+    let said = |e: &Event| format!("{:.2} s {}: {}", seconds(e), text_of(&e.service), text_of(&e.text));
+    let rest = grave().count().saturating_sub(MOST);
+    grave().take(MOST).map(said).chain((rest > 0).then(|| format!("and {rest} more, in the log"))).collect()
 }

@@ -95,7 +95,7 @@ pub fn run(args: &CompareArgs) -> ExitCode {
 fn read(path: &Path) -> Result<Flight> {
     let log = Log::open(path).into_diagnostic()?;
     let launch = log.attachment("launch.toml").into_diagnostic()?;
-    let vehicle = launch.and_then(|text| Launch::parse(&text, fss_bus::launch::SERVICES).ok());
+    let vehicle = launch.and_then(|text| Launch::of_run(&text).ok());
     let vehicle = vehicle.map_or_else(String::new, |launch| launch.vehicle);
     Flight::read(&log, &vehicle).into_diagnostic().wrap_err_with(|| format!("cannot compare {}", path.display()))
 }

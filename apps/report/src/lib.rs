@@ -2,7 +2,7 @@
 //!
 //! In the order of reading:
 //!
-//! - `drawing`: scenes from above, strips of lines, pages.
+//! - `drawing`: scenes from above, strips of lines, pages; `values`: a sample of any topic as a line.
 //! - [`flown`]: what a flight leaves in its folder; [`report`]: one page about it; [`compare`]: where two logs differ.
 //! - [`top`], [`view`]: the running stack, in a terminal and in a browser.
 //! - [`diagnose`], [`calibrate`], [`workspace`]: measured runs and plants, computed and shown.
@@ -19,5 +19,6 @@ pub mod flown;
 mod picture;
 pub mod report;
 pub mod top;
+mod values;
 pub mod view;
 pub mod workspace;

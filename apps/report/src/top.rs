@@ -1,9 +1,11 @@
 //! `fss top`: a running stack, live: rates, jitter, ages, health, batteries, valves.
 
+use crate::values;
 use clap::Args;
-use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
+use fss_bus::{Batch, Bus, InputPort, Latest, RawBatch, RawTopic, SharedConfig, Time, realtime};
 use fss_launcher::stack::Stack;
-use fss_messages::{Event, Health, LinksState, MissionState, NavState, ThrustersState, text_of, topic};
+use fss_messages::{Event, Header, Health, LinksState, MissionState, NavState, ThrustersState, text_of, topic};
+use fss_service::{read_programs, topics_of};
 use miette::{IntoDiagnostic, Result, miette};
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
@@ -40,7 +42,9 @@ pub fn run(args: &TopArgs) -> Result<()> {
         (None, None) => only_stack()?,
     };
     let vehicle = args.vehicle.clone().or_else(|| vehicle_of(&prefix)).unwrap_or_default();
+    let guests = folder_of(&prefix).map_or_else(|| Ok(Vec::new()), |folder| topics_of(&read_programs(&folder)?))?;
     let bus = Bus::shared(&SharedConfig { node: "top".to_owned(), prefix }).into_diagnostic()?.for_vehicle(&vehicle);
+    let bus = bus.with_program_topics(guests);
     let mut view = View::open(&bus)?;
     for round in 1.. {
         std::thread::sleep(PERIOD);
@@ -128,6 +132,42 @@ pub fn folder_of(prefix: &str) -> Option<PathBuf> {
     })
 }
 
+/// A topic of a service from elsewhere: its newest sample, by its own definition.
+struct GuestTopic {
+    topic: RawTopic,
+    batch: RawBatch,
+    newest: Vec<u8>,
+    /// When the samples of the last second were published, ns.
+    published_ns: VecDeque<u64>,
+}
+
+impl GuestTopic {
+    fn open(bus: &Bus, topic: &RawTopic) -> Result<Self> {
+        let batch = RawBatch::open(bus, topic, Batch::<Event>::CAPACITY).into_diagnostic()?;
+        Ok(Self { topic: topic.clone(), batch, newest: Vec::new(), published_ns: VecDeque::new() })
+    }
+
+    fn refresh(&mut self, now: Time) {
+        self.batch.refresh();
+        let headers = self.batch.samples().filter_map(Header::of_sample);
+        self.published_ns.extend(headers.map(|header| header.published_ns));
+        while self.published_ns.front().is_some_and(|ns| now.age_ns(*ns) > 1_000_000_000) {
+            self.published_ns.pop_front();
+        }
+        if let Some(newest) = self.batch.samples().last() {
+            newest.clone_into(&mut self.newest);
+        }
+    }
+
+    fn line(&self, now: Time, out: &mut String) -> std::fmt::Result {
+        let name = &self.topic.name;
+        let Some(header) = Header::of_sample(&self.newest) else { return writeln!(out, "{name}: nothing yet") };
+        let age_ms = now.age_ns(header.stamp_ns) as f64 * 1e-6;
+        let values = values::line(&self.topic.definition, &self.newest);
+        writeln!(out, "{name} {} Hz, {age_ms:.0} ms old: {values}", self.published_ns.len())
+    }
+}
+
 /// What is shown.
 struct View {
     health: Batch<Health>,
@@ -136,6 +176,7 @@ struct View {
     nav: Latest<NavState>,
     links: Latest<LinksState>,
     thrusters: Latest<ThrustersState>,
+    guests: Vec<GuestTopic>,
     services: BTreeMap<String, Health>,
     said: VecDeque<Event>,
 }
@@ -149,6 +190,7 @@ impl View {
             nav: Latest::open(bus, topic::NAV_STATE).into_diagnostic()?,
             links: Latest::open(bus, topic::LINKS_STATE).into_diagnostic()?,
             thrusters: Latest::open(bus, topic::THRUSTERS_STATE).into_diagnostic()?,
+            guests: bus.program_topics().iter().map(|topic| GuestTopic::open(bus, topic)).collect::<Result<_>>()?,
             services: BTreeMap::new(),
             said: VecDeque::new(),
         })
@@ -161,6 +203,7 @@ impl View {
         self.nav.refresh();
         self.links.refresh();
         self.thrusters.refresh();
+        self.guests.iter_mut().for_each(|guest| guest.refresh(now));
         for health in self.health.samples() {
             self.services.insert(text_of(&health.service).to_owned(), *health);
         }
@@ -233,6 +276,7 @@ impl View {
                 t.command_age_ns as f64 * 1e-6
             )?;
         }
+        self.guests.iter().try_for_each(|guest| guest.line(now, out))?;
         for event in &self.said {
             let severity =
                 ["debug", "info", "warning", "ERROR", "CRITICAL"].get(usize::from(event.severity)).unwrap_or(&"?");

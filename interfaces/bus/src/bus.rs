@@ -5,7 +5,7 @@ use crate::launch::{ForeignTopic, Launch};
 use crate::local::{LocalTopics, kind_of};
 use crate::port::{Sink, Source};
 use crate::raw::RawTopic;
-use crate::shared::{SharedConfig, SharedTopics};
+use crate::shared::{READERS, SharedConfig, SharedTopics};
 use crossbeam::queue::ArrayQueue;
 use fss_messages::Sample;
 use fss_messages::topic::{self, Owner, Topic};
@@ -62,6 +62,8 @@ pub struct Bus {
     vehicle: String,
     neighbours: Neighbours,
     program_topics: Vec<RawTopic>,
+    /// The most readers that a topic may have.
+    readers: usize,
     queues: Queues,
 }
 
@@ -82,12 +84,13 @@ impl Bus {
     fn new(transport: Transport) -> Self {
         let (transport, vehicle) = (Rc::new(transport), String::new());
         let (neighbours, program_topics, queues) = (Neighbours::default(), Vec::new(), Queues::default());
-        Self { transport, vehicle, neighbours, program_topics, queues }
+        Self { transport, vehicle, neighbours, program_topics, readers: READERS, queues }
     }
 
-    /// As the stack of this launch file has it: its vehicle's name, and its neighbours'.
+    /// As the stack of this launch file has it: its vehicle's name, its neighbours', its limits.
     pub fn for_stack(self, launch: &Launch) -> Self {
-        Self { neighbours: launch.neighbours(), ..self.for_vehicle(&launch.vehicle) }
+        let readers = launch.shared_memory.readers;
+        Self { neighbours: launch.neighbours(), readers, ..self.for_vehicle(&launch.vehicle) }
     }
 
     /// Puts the vehicle's name in front of every topic: `/chaser/nav/state`. Empty: nothing.
@@ -100,7 +103,8 @@ impl Bus {
     pub fn of_vehicle(&self, vehicle: &str) -> Self {
         let (transport, queues) = (self.transport.clone(), self.queues.clone());
         let (neighbours, program_topics) = (Neighbours::default(), Vec::new());
-        Self { transport, vehicle: String::new(), neighbours, program_topics, queues }.for_vehicle(vehicle)
+        let readers = self.readers;
+        Self { transport, vehicle: String::new(), neighbours, program_topics, readers, queues }.for_vehicle(vehicle)
     }
 
     /// What the stack has to do with other vehicles.
@@ -148,7 +152,7 @@ impl Bus {
                 let port = topics.subscribe(&name, kind_of::<T>(), capacity);
                 port.map(Source::Local).ok_or_else(|| two_types(name, T::TYPE_NAME))
             }
-            Transport::Shared(topics) => topics.subscribe(&name, capacity).map(Source::Shared),
+            Transport::Shared(topics) => topics.subscribe(&name, capacity, self.readers).map(Source::Shared),
         }
     }
 
@@ -159,7 +163,7 @@ impl Bus {
                 let port = topics.publisher(&name, kind_of::<T>());
                 port.map(Sink::Local).ok_or_else(|| two_types(name, T::TYPE_NAME))
             }
-            Transport::Shared(topics) => topics.publisher(&name).map(Sink::Shared),
+            Transport::Shared(topics) => topics.publisher(&name, self.readers).map(Sink::Shared),
         }
     }
 
@@ -169,14 +173,14 @@ impl Bus {
         topic: &RawTopic,
         silent: P,
         local: impl FnOnce(&LocalTopics, &str, (&str, usize)) -> Option<P>,
-        shared: impl FnOnce(&SharedTopics, &str, (&str, usize)) -> Result<P, BusError>,
+        shared: impl FnOnce(&SharedTopics, &str, (&str, usize), usize) -> Result<P, BusError>,
     ) -> Result<P, BusError> {
         let Some(name) = self.name_of(&topic.name, topic.owner) else { return Ok(silent) };
         let type_name = topic.definition.type_name();
         let kind = (type_name.as_str(), topic.definition.size);
         match &*self.transport {
             Transport::Local(topics) => local(topics, &name, kind).ok_or_else(|| two_types(name, &type_name)),
-            Transport::Shared(topics) => shared(topics, &name, kind),
+            Transport::Shared(topics) => shared(topics, &name, kind, self.readers),
         }
     }
 }

@@ -21,6 +21,11 @@ pub enum BusError {
         /// What iceoryx2 said.
         reason: String,
     },
+    /// A topic has all the readers that it may have.
+    #[error(
+        "topic '{0}' has all the readers that it may have; give the launch file [shared_memory] readers = N with a larger N"
+    )]
+    Readers(String),
     /// A service that is a program of its own does not step.
     #[error("service '{service}' on the virtual clock: {reason}")]
     Lockstep {

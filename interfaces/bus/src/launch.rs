@@ -10,6 +10,7 @@ pub use devices::Devices;
 pub use mocap::{Mocap, Natnet, Transport, Vicon, Vrpn};
 pub use ros2::Ros2;
 
+use crate::shared::READERS;
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::ops::Range;
@@ -34,6 +35,9 @@ pub struct Launch {
     /// Where yellow and red begin.
     #[serde(default)]
     pub limits: Limits,
+    /// How much room a topic has.
+    #[serde(default)]
+    pub shared_memory: SharedMemory,
     /// Where `ground` serves the live view; absent: nowhere, and it is not started.
     #[serde(default)]
     pub ground: Option<Ground>,
@@ -80,6 +84,20 @@ impl Default for Limits {
     }
 }
 
+/// How much room a topic has.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SharedMemory {
+    /// The most readers of a topic: services, the recorder, the launcher, and who watches. Each costs every topic some room.
+    pub readers: usize,
+}
+
+impl Default for SharedMemory {
+    fn default() -> Self {
+        Self { readers: READERS }
+    }
+}
+
 /// Where `ground` serves the live view.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -114,7 +132,7 @@ pub struct Schedule {
     /// The program of a service that was written elsewhere; a path that is not absolute is taken from the launch file's folder.
     #[serde(default)]
     pub program: Option<Spanned<PathBuf>>,
-    /// What that program is told; it says which keys it knows.
+    /// What a service that does not come with fss is told; it says which keys it knows.
     #[serde(default)]
     pub config: Option<Spanned<toml::Table>>,
     /// Steps a second.
@@ -176,32 +194,26 @@ impl Schedule {
     }
 }
 
+/// The most that a launch file may ask for.
+const MOST_READERS: usize = 64;
 /// The longest name of a service, which its samples carry, bytes.
 const LONGEST_NAME: usize = 15;
 
 impl Schedule {
     /// Whether it is one of the `known` services, or a program with a name of its own.
-    fn check_program(&self, known: &[&str]) -> Result<(), LaunchError> {
-        let refuse = |message: String, help: String, span| Err(LaunchError { message, help, span: Some(span) });
+    fn check_name(&self, known: &[&str]) -> Result<(), LaunchError> {
+        let refuse = |message: String, help: String| Err(LaunchError { message, help, span: Some(self.name.span()) });
         let name = self.name.get_ref().as_str();
-        let is_known = known.contains(&name);
-        if self.program.is_none() {
-            if !is_known {
-                let known = known.join(", ");
-                let help = format!("the services of fss are {known}; one of your own has program = \"PATH\"");
-                return refuse(format!("there is no service '{name}'"), help, self.name.span());
-            }
-            return self.config.as_ref().map_or(Ok(()), |config| {
-                let help =
-                    "the services of fss take what they need from the plant file and the mission file".to_owned();
-                refuse(format!("'{name}' is no program of its own, and takes no config"), help, config.span())
-            });
+        if self.program.is_none() && !known.contains(&name) {
+            let known = known.join(", ");
+            let help = format!("the services of fss are {known}; one of your own has program = \"PATH\"");
+            return refuse(format!("there is no service '{name}'"), help);
         }
         let is_word = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
         let is_plain = name.len() <= LONGEST_NAME && name.starts_with(|c: char| c.is_ascii_lowercase());
         if !is_plain || !name.bytes().all(is_word) {
             let help = format!("up to {LONGEST_NAME} lower-case letters, digits and underscores, the first a letter");
-            return refuse(format!("'{name}' is no name of a service"), help, self.name.span());
+            return refuse(format!("'{name}' is no name of a service"), help);
         }
         Ok(())
     }
@@ -212,9 +224,6 @@ impl Schedule {
     }
 }
 
-/// The services that a launch file may name.
-pub const SERVICES: &[&str] =
-    &["recorder", "lab", "thrusters", "fusion", "links", "arm", "base", "mission", "calibration", GROUND, BRIDGE];
 /// The service that shows the stack to viewers.
 pub const GROUND: &str = "ground";
 /// The service that speaks with other vehicles.
@@ -240,21 +249,30 @@ impl Launch {
     /// # Errors
     /// Says where the text is malformed or contradicts itself.
     pub fn parse(text: &str, known: &[&str]) -> Result<Self, LaunchError> {
+        let launch = Self::of_run(text)?;
+        launch.services.iter().try_for_each(|service| service.check_name(known))?;
+        Ok(launch)
+    }
+
+    /// Reads the launch file of a run's folder or of a log, whose launcher knew its services.
+    ///
+    /// # Errors
+    /// Says where the text is malformed or contradicts itself.
+    pub fn of_run(text: &str) -> Result<Self, LaunchError> {
         let launch: Self = toml::from_str(text).map_err(|e| LaunchError {
             message: e.message().to_owned(),
             help: "the launch files that come with fss show every key".to_owned(),
             span: e.span(),
         })?;
-        launch.check(known)?;
+        launch.check()?;
         Ok(launch)
     }
 
-    fn check(&self, known: &[&str]) -> Result<(), LaunchError> {
+    fn check(&self) -> Result<(), LaunchError> {
         let refuse =
             |message: String, help: String, span: Range<usize>| Err(LaunchError { message, help, span: Some(span) });
         for (i, service) in self.services.iter().enumerate() {
             let name = service.name.get_ref();
-            service.check_program(known)?;
             if self.services[..i].iter().any(|other| other.name.get_ref() == name) {
                 let help = "each service runs once; remove one of the two tables".to_owned();
                 return refuse(format!("'{name}' is launched twice"), help, service.name.span());
@@ -272,6 +290,11 @@ impl Launch {
                 let help = "SCHED_FIFO priorities go from 1 to 99".to_owned();
                 return refuse(format!("the priority of '{name}' is out of range"), help, service.name.span());
             }
+        }
+        let readers = self.shared_memory.readers;
+        if !(READERS..=MOST_READERS).contains(&readers) {
+            let help = format!("a topic has room for {READERS} to {MOST_READERS} readers");
+            return Err(LaunchError { message: format!("[shared_memory] readers = {readers}"), help, span: None });
         }
         self.check_origins()?;
         self.check_shared_table()?;

@@ -39,7 +39,7 @@ pub use fss_messages::{MAX_PORTS, Step};
 pub use port::{Batch, DeviceOutput, Feed, InputPort, Latest, Output, OutputPort, PortVisitor, Taken};
 pub use port_sets::{InputPorts, OutputPorts};
 pub use raw::{RawBatch, RawOutput, RawTopic};
-pub use raw_service::{RawLatest, RawPorts, RawRunner, RawService};
+pub use raw_service::{RawInput, RawPorts, RawRunner, RawService};
 pub use runner::{Run, Runner, Service};
 pub use shared::{SharedConfig, remove_dead_nodes, remove_stale_stacks};
 pub use time::Time;

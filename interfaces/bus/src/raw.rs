@@ -2,9 +2,9 @@
 
 use crate::local::{LocalPublisher, LocalSubscriber};
 use crate::shared::{RawPublisher, RawSubscriber};
-use crate::{Bus, BusError};
+use crate::{Bus, BusError, Time};
 use fss_messages::topic::{Owner, Topic};
-use fss_messages::{Definition, Sample};
+use fss_messages::{Definition, Header, Sample};
 use iceoryx2::port::update_connections::UpdateConnections;
 
 /// A topic as a program describes it.
@@ -37,6 +37,7 @@ pub struct RawBatch {
     source: RawSource,
     size: usize,
     bytes: Vec<u8>,
+    newest: Option<Header>,
 }
 
 impl RawBatch {
@@ -50,15 +51,16 @@ impl RawBatch {
             topic,
             RawSource::Silent,
             |local, name, kind| local.subscribe(name, kind, capacity).map(RawSource::Local),
-            |shared, name, kind| shared.subscribe_raw(name, kind, capacity).map(RawSource::Shared),
+            |shared, name, kind, readers| shared.subscribe_raw(name, kind, capacity, readers).map(RawSource::Shared),
         )?;
-        Ok(Self { source, size, bytes: Vec::with_capacity(size * capacity) })
+        Ok(Self { source, size, bytes: Vec::with_capacity(size * capacity), newest: None })
     }
 
     /// Takes what has come since the last look.
     pub fn refresh(&mut self) {
         self.bytes.clear();
         while self.bytes.len() + self.size <= self.bytes.capacity() && self.receive() {}
+        self.newest = self.samples().last().and_then(Header::of_sample).or(self.newest);
     }
 
     fn receive(&mut self) -> bool {
@@ -75,6 +77,11 @@ impl RawBatch {
                 _ => false,
             },
         }
+    }
+
+    /// Age of the newest sample by its stamp, ns; `u64::MAX` where nothing was ever received.
+    pub fn age_ns(&self, now: Time) -> u64 {
+        self.newest.map_or(u64::MAX, |header| now.age_ns(header.stamp_ns))
     }
 
     /// The samples that came.
@@ -106,7 +113,7 @@ impl RawOutput {
             topic,
             RawSink::Silent,
             |local, name, kind| local.publisher(name, kind).map(RawSink::Local),
-            |shared, name, kind| shared.publisher_raw(name, kind).map(RawSink::Shared),
+            |shared, name, kind, readers| shared.publisher_raw(name, kind, readers).map(RawSink::Shared),
         )?;
         Ok(Self { sink, size: topic.definition.size })
     }

@@ -11,51 +11,61 @@ const STAGED: usize = Output::<Event>::CAPACITY;
 /// Length of a sample's header, bytes.
 const HEADER: usize = size_of::<Header>();
 
-/// The newest sample of an input, as bytes; it stays until a newer one comes.
-pub struct RawLatest {
+/// How many samples of one topic a step may take where it wants every one; fewer than a step's record can count.
+const TAKEN: usize = 64;
+
+/// An input, as bytes: its newest sample, which stays until a newer one comes, and all that came for the step.
+pub struct RawInput {
     batch: RawBatch,
-    /// In whole words, so that it is aligned as a sample is.
-    sample: Box<[u64]>,
+    size: usize,
+    /// The samples that came, one behind the other; in whole words, so that each is aligned as a sample is.
+    taken: Box<[u64]>,
+    count: usize,
+    /// The newest one.
+    newest: Box<[u64]>,
     any: bool,
-    fresh: bool,
 }
 
-impl RawLatest {
-    fn open(bus: &Bus, topic: &RawTopic) -> Result<Self, BusError> {
-        let sample = vec![0; topic.definition.size.div_ceil(size_of::<u64>())].into_boxed_slice();
+impl RawInput {
+    /// Takes `every` sample; only the newest where not.
+    fn open(bus: &Bus, topic: &RawTopic, every: bool) -> Result<Self, BusError> {
         // A buffer of one overflows to the newest sample.
-        Ok(Self { batch: RawBatch::open(bus, topic, 1)?, sample, any: false, fresh: false })
+        let (size, capacity) = (topic.definition.size, if every { TAKEN } else { 1 });
+        let words = |samples: usize| vec![0; samples * size.div_ceil(size_of::<u64>())].into_boxed_slice();
+        let batch = RawBatch::open(bus, topic, capacity)?;
+        Ok(Self { batch, size, taken: words(capacity), count: 0, newest: words(1), any: false })
     }
 
     fn refresh(&mut self) {
         self.batch.refresh();
-        let newest = self.batch.samples().last();
-        self.fresh = newest.is_some();
-        self.any |= self.fresh;
-        if let Some(newest) = newest {
-            self.sample.as_mut_bytes().copy_from_slice(newest);
+        self.count = self.batch.samples().len();
+        for (place, sample) in self.taken.as_mut_bytes().chunks_exact_mut(self.size).zip(self.batch.samples()) {
+            place.copy_from_slice(sample);
+        }
+        if let Some(newest) = self.batch.samples().last() {
+            self.newest.as_mut_bytes().copy_from_slice(newest);
+            self.any = true;
         }
     }
 
     /// The newest sample, however old.
     pub fn get(&self) -> Option<&[u8]> {
-        self.any.then(|| self.sample.as_bytes())
+        self.any.then(|| self.newest.as_bytes())
     }
 
     /// The newest sample if it came since the last step.
     pub fn fresh(&self) -> Option<&[u8]> {
-        self.get().filter(|_| self.fresh)
+        self.get().filter(|_| self.count > 0)
+    }
+
+    /// The samples that came since the last step, oldest first; at most the newest one where not every one is taken.
+    pub fn samples(&self) -> impl ExactSizeIterator<Item = &[u8]> {
+        self.taken.as_bytes().chunks_exact(self.size).take(self.count)
     }
 
     fn header(&self) -> Option<Header> {
-        self.get().and_then(header_of)
+        self.get().and_then(Header::of_sample)
     }
-}
-
-/// The header with which each sample starts.
-fn header_of(sample: &[u8]) -> Option<Header> {
-    let number = |at: usize| Some(u64::from_le_bytes(*sample.get(at..)?.first_chunk()?));
-    Some(Header { sequence: number(0)?, stamp_ns: number(8)?, published_ns: number(16)? })
 }
 
 /// What a step publishes on one topic, until the step has ended.
@@ -103,7 +113,7 @@ impl RawStaged {
 /// The ports of such a service.
 pub struct RawPorts {
     name: String,
-    inputs: Vec<RawLatest>,
+    inputs: Vec<RawInput>,
     outputs: Vec<RawStaged>,
     events: Output<Event>,
     now: Time,
@@ -111,7 +121,7 @@ pub struct RawPorts {
 
 impl RawPorts {
     /// An input, by its place in the list of topics.
-    pub fn input(&self, place: usize) -> Option<&RawLatest> {
+    pub fn input(&self, place: usize) -> Option<&RawInput> {
         self.inputs.get(place)
     }
 
@@ -142,13 +152,18 @@ pub struct RawRunner<S> {
 }
 
 impl<S: RawService> RawRunner<S> {
-    /// Opens the ports; of inputs there are at most [`MAX_PORTS`].
+    /// Opens the ports: the inputs, at most [`MAX_PORTS`], each with whether every sample is taken, and the outputs.
     ///
     /// # Errors
     /// Where the bus refuses one.
-    pub fn new(service: S, name: &str, topics: [&[RawTopic]; 2], bus: &Bus) -> Result<Self, BusError> {
-        let [inputs, outputs] = topics;
-        let inputs = inputs.iter().take(MAX_PORTS).map(|topic| RawLatest::open(bus, topic));
+    pub fn new(
+        service: S,
+        name: &str,
+        inputs: &[(RawTopic, bool)],
+        outputs: &[RawTopic],
+        bus: &Bus,
+    ) -> Result<Self, BusError> {
+        let inputs = inputs.iter().take(MAX_PORTS).map(|(topic, every)| RawInput::open(bus, topic, *every));
         let ports = RawPorts {
             name: name.to_owned(),
             inputs: inputs.collect::<Result<_, _>>()?,
@@ -167,7 +182,7 @@ impl<S: RawService> Run for RawRunner<S> {
     }
 
     fn refresh(&mut self) {
-        self.ports.inputs.iter_mut().for_each(RawLatest::refresh);
+        self.ports.inputs.iter_mut().for_each(RawInput::refresh);
     }
 
     fn step(&mut self, now: Time) {
@@ -178,7 +193,7 @@ impl<S: RawService> Run for RawRunner<S> {
         self.record.stamp_ns = now.ns();
         for (i, input) in self.ports.inputs.iter().enumerate() {
             self.record.input[i] = input.header().map_or(0, |header| header.sequence);
-            self.record.fresh[i] = u8::from(input.fresh);
+            self.record.fresh[i] = input.count as u8;
         }
         self.records.publish(self.record);
     }

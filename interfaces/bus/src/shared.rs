@@ -7,7 +7,7 @@ use crate::BusError;
 use fss_messages::{Sample, topic};
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
@@ -31,8 +31,8 @@ const MAX_SPEAKERS: usize = 32;
 /// The most publishers of any other topic: its one, and dead ones that nobody has cleared away yet. Each place costs every
 /// reader a look.
 const MAX_PUBLISHERS: usize = 4;
-/// The most subscribers of one topic.
-const MAX_SUBSCRIBERS: usize = 10;
+/// The most subscribers of one topic, where the launch file does not say it.
+pub(crate) const READERS: usize = 10;
 /// The deepest buffer that a subscriber may ask for (the recorder's).
 pub(crate) const MAX_BUFFER: usize = 256;
 
@@ -54,14 +54,14 @@ pub struct SharedConfig {
 
 /// A service's builder with the limits that all who open it agree on.
 macro_rules! with_limits {
-    ($builder:expr, $name:expr) => {
+    ($builder:expr, $name:expr, $readers:expr) => {
         $builder
             .enable_safe_overflow(true)
             .subscriber_max_buffer_size(MAX_BUFFER)
             .subscriber_max_borrowed_samples(4)
             .max_publishers(if topic::is_shared($name) { MAX_SPEAKERS } else { MAX_PUBLISHERS })
-            .max_subscribers(MAX_SUBSCRIBERS)
-            .max_nodes(MAX_SPEAKERS + MAX_SUBSCRIBERS)
+            .max_subscribers($readers)
+            .max_nodes(MAX_SPEAKERS + $readers)
     };
 }
 
@@ -90,14 +90,19 @@ impl SharedTopics {
         &self,
         name: &str,
         capacity: usize,
+        readers: usize,
     ) -> Result<Subscriber<ipc::Service, T, ()>, BusError> {
-        let service = self.service::<T>(name)?;
+        let service = self.service::<T>(name, readers)?;
         let builder = service.subscriber_builder().buffer_size(capacity.min(MAX_BUFFER));
-        builder.create().map_err(|e| refused(name, T::TYPE_NAME, &e))
+        builder.create().map_err(|e| cannot_read(name, T::TYPE_NAME, e))
     }
 
-    pub(crate) fn publisher<T: Sample>(&self, name: &str) -> Result<Publisher<ipc::Service, T, ()>, BusError> {
-        self.service::<T>(name)?.publisher_builder().create().map_err(|e| refused(name, T::TYPE_NAME, &e))
+    pub(crate) fn publisher<T: Sample>(
+        &self,
+        name: &str,
+        readers: usize,
+    ) -> Result<Publisher<ipc::Service, T, ()>, BusError> {
+        self.service::<T>(name, readers)?.publisher_builder().create().map_err(|e| refused(name, T::TYPE_NAME, &e))
     }
 
     pub(crate) fn subscribe_raw(
@@ -105,19 +110,25 @@ impl SharedTopics {
         name: &str,
         kind: (&str, usize),
         capacity: usize,
+        readers: usize,
     ) -> Result<RawSubscriber, BusError> {
-        let service = self.raw_service(name, kind)?;
+        let service = self.raw_service(name, kind, readers)?;
         let builder = service.subscriber_builder().buffer_size(capacity.min(MAX_BUFFER));
-        builder.create().map_err(|e| refused(name, kind.0, &e))
+        builder.create().map_err(|e| cannot_read(name, kind.0, e))
     }
 
-    pub(crate) fn publisher_raw(&self, name: &str, kind: (&str, usize)) -> Result<RawPublisher, BusError> {
-        self.raw_service(name, kind)?.publisher_builder().create().map_err(|e| refused(name, kind.0, &e))
+    pub(crate) fn publisher_raw(
+        &self,
+        name: &str,
+        kind: (&str, usize),
+        readers: usize,
+    ) -> Result<RawPublisher, BusError> {
+        self.raw_service(name, kind, readers)?.publisher_builder().create().map_err(|e| refused(name, kind.0, &e))
     }
 
-    fn service<T: Sample>(&self, name: &str) -> Result<PortFactory<ipc::Service, T, ()>, BusError> {
+    fn service<T: Sample>(&self, name: &str, readers: usize) -> Result<PortFactory<ipc::Service, T, ()>, BusError> {
         let builder = self.node.service_builder(&service_name(name, T::TYPE_NAME)?).publish_subscribe::<T>();
-        with_limits!(builder, name).open_or_create().map_err(|e| refused(name, T::TYPE_NAME, &e))
+        with_limits!(builder, name, readers).open_or_create().map_err(|e| refused(name, T::TYPE_NAME, &e))
     }
 
     /// The same service as [`Self::service`] opens for the type of this name and size.
@@ -126,6 +137,7 @@ impl SharedTopics {
         &self,
         name: &str,
         (type_name, size): (&str, usize),
+        readers: usize,
     ) -> Result<PortFactory<ipc::Service, [CustomPayloadMarker], CustomHeaderMarker>, BusError> {
         let payload = TypeDetail::__internal_new_from_parts(TypeVariant::FixedSize, type_name, size, SAMPLE_ALIGNMENT)
             .map_err(|e| refused(name, type_name, &e))?;
@@ -139,7 +151,7 @@ impl SharedTopics {
         let builder = unsafe {
             builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&header)
         };
-        with_limits!(builder, name).open_or_create().map_err(|e| refused(name, type_name, &e))
+        with_limits!(builder, name, readers).open_or_create().map_err(|e| refused(name, type_name, &e))
     }
 }
 
@@ -148,6 +160,14 @@ const SAMPLE_ALIGNMENT: usize = 8;
 
 fn service_name(name: &str, type_name: &str) -> Result<ServiceName, BusError> {
     ServiceName::new(name).map_err(|e| refused(name, type_name, &e))
+}
+
+/// Why a topic cannot be read: mostly because it has all the readers that it may have.
+fn cannot_read(name: &str, type_name: &str, reason: SubscriberCreateError) -> BusError {
+    match reason {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => BusError::Readers(name.to_owned()),
+        other => refused(name, type_name, &other),
+    }
 }
 
 fn refused(name: &str, type_name: &str, reason: &impl std::fmt::Debug) -> BusError {

@@ -19,6 +19,12 @@ impl<S: Service> Tick for Runner<S> {
     }
 }
 
+impl Tick for Box<dyn Tick + '_> {
+    fn tick(&mut self, now: Time) -> Result<(), BusError> {
+        (**self).tick(now)
+    }
+}
+
 struct Member<'a> {
     tick: Box<dyn Tick + 'a>,
     period_ns: u64,

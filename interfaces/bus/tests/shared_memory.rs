@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_bus::allocation::{Counting, allocations_in};
+use fss_bus::launch::Launch;
 use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, RawBatch, RawOutput, RawTopic, SharedConfig, Time};
 use fss_messages::{NavState, topic};
 use std::os::unix::fs::PermissionsExt;
@@ -85,4 +86,21 @@ fn a_sample_that_is_known_by_its_definition_only_is_the_same_in_shared_and_in_lo
         assert!(RawOutput::open(bus, &other).is_err(), "another layout");
     }
     fss_bus::remove_dead_nodes(&prefix, true).unwrap();
+}
+
+#[test]
+fn a_topic_has_as_many_readers_as_the_launch_file_says_and_one_more_is_told_what_to_do() {
+    let prefix = format!("fsstestmany{}_", std::process::id());
+    let text = "[devices]\nvicon = '127.0.0.1:1'\ngyro = '-'\nvalves = '-'\nlinks_local = '127.0.0.1:1'\nlinks = []\n\
+                [shared_memory]\nreaders = 12\n[[service]]\nname = 'base'\nrate_hz = 100\n";
+    let launch = Launch::parse(text, &["base"]).unwrap();
+    let bus = Bus::shared(&SharedConfig { node: "test".to_owned(), prefix: prefix.clone() }).unwrap();
+    let bus = bus.for_stack(&launch);
+    let readers: Vec<Latest<NavState>> = (0..12).map(|_| Latest::open(&bus, topic::NAV_STATE).unwrap()).collect();
+    let refused = Latest::<NavState>::open(&bus, topic::NAV_STATE).err().unwrap().to_string();
+    assert!(refused.contains("/nav/state") && refused.contains("[shared_memory] readers"), "{refused}");
+    drop(readers);
+    fss_bus::remove_dead_nodes(&prefix, true).unwrap();
+    let few = Launch::parse(&text.replace("12", "3"), &["base"]).unwrap_err();
+    assert!(few.message.contains("readers = 3") && few.help.contains("10 to 64"), "{few:?}");
 }

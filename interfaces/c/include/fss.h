@@ -43,6 +43,12 @@ typedef struct {
     void (*step)(void *self, fss_ports *ports, uint64_t now_ns);
     /* Ends it; may be NULL. */
     void (*destroy)(void *self);
+    /* Places of the inputs of which a step takes every sample; of the others it has the newest. */
+    const size_t *every;
+    size_t every_count;
+    /* Further keys of its config: texts, tables and lists, none of them required. */
+    const char *const *options;
+    size_t option_count;
 } fss_service;
 
 /* Runs the service as the launcher's command line says; returns what main shall return. */
@@ -51,12 +57,25 @@ int fss_main(int argc, char **argv, const fss_service *service);
 /* In create: the service cannot fly, and why. */
 void fss_refuse(fss_ports *ports, const char *reason);
 
+/* In create: the text, or the number, at a place of the options: "frame", "gains.kp", "names.0"; true counts as 1. NULL, or -1, where
+ * there is none. A text stays as long as the service does. */
+const char *fss_option_text(const fss_ports *ports, const char *path);
+int fss_option_number(const fss_ports *ports, const char *path, double *value);
+
+/* In create: all options as JSON. */
+const char *fss_options(const fss_ports *ports);
+
 /* In step: the newest sample of an input, by its place in `inputs`; NULL where there never was one. It stays until a newer one
  * comes, so look at its age. */
 const void *fss_latest(const fss_ports *ports, size_t input);
 
 /* In step: the same, if it came since the last step. */
 const void *fss_fresh(const fss_ports *ports, size_t input);
+
+/* In step: how many samples of an input came since the last step, at most 64, where `every` names it; 0 or 1 where not. And one of
+ * them, the oldest first; NULL where there are not so many. */
+size_t fss_count(const fss_ports *ports, size_t input);
+const void *fss_sample(const fss_ports *ports, size_t input, size_t place);
 
 /* In step: publishes a sample on an output, by its place in `outputs`, when the step has ended. The caller sets stamp_ns; sequence
  * and published_ns are set for it. Returns 0, or -1 where there is no such output or 64 samples wait already. */

@@ -5,10 +5,12 @@
 #![allow(unsafe_code)] // a language binding: each use says why it holds
 
 mod declared;
+mod options;
 
 use declared::Declared;
 use fss_bus::{RawPorts, RawService, Time};
 use fss_service::{Description, RawProgram, Refusal, Site, run_raw};
+use options::Options;
 use std::ffi::{CStr, OsStr, OsString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::process::ExitCode;
@@ -36,6 +38,10 @@ pub struct CService {
     create: Option<unsafe extern "C" fn(*mut Ports, *const f64, f64) -> *mut c_void>,
     step: Option<unsafe extern "C" fn(*mut c_void, *mut Ports, u64)>,
     destroy: Option<unsafe extern "C" fn(*mut c_void)>,
+    every: *const usize,
+    every_count: usize,
+    options: *const *const c_char,
+    option_count: usize,
 }
 
 /// `fss_ports`: what a function of the service may ask for while it runs.
@@ -43,6 +49,8 @@ pub struct Ports {
     /// The ports; none while the service is made.
     raw: Option<ptr::NonNull<RawPorts>>,
     refused: Option<String>,
+    /// What the service is told beside the numbers of its keys.
+    options: Options,
     /// Sizes of the outputs' samples, bytes.
     output_sizes: Vec<usize>,
 }
@@ -92,11 +100,13 @@ impl RawProgram for Program<'_> {
     }
 
     fn make(&self, config: &str, site: &Site) -> Result<Stepper, Refusal> {
-        let config = self.declared.config(config)?;
+        let (config, options) = self.declared.config(config)?;
+        let options = Options::new(&options)?;
         let (Some(create), Some(step)) = (self.service.create, self.service.step) else {
             return Err("create and step are functions that a service has".into());
         };
-        let mut ports = Ports { raw: None, refused: None, output_sizes: self.declared.output_sizes.clone() };
+        let output_sizes = self.declared.output_sizes.clone();
+        let mut ports = Ports { raw: None, refused: None, options, output_sizes };
         // SAFETY: the function is the service's own; the values are as many as it has keys, and outlive the call.
         let itself = unsafe { create(&raw mut ports, config.as_ptr(), site.rate_hz) };
         match ports.refused.take() {
@@ -187,6 +197,69 @@ pub unsafe extern "C" fn fss_fresh(ports: *const Ports, input: usize) -> *const 
     // SAFETY: the caller keeps the contract above.
     let sample = unsafe { raw(ports) }.and_then(|ports| ports.input(input)).and_then(|input| input.fresh());
     sample.map_or(ptr::null(), |sample| sample.as_ptr().cast())
+}
+
+/// How many samples of an input came since the last step: of one that takes every sample, at most 64; of another, 0 or 1.
+///
+/// # Safety
+/// `ports` is what `step` was given.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fss_count(ports: *const Ports, input: usize) -> usize {
+    // SAFETY: the caller keeps the contract above.
+    let input = unsafe { raw(ports) }.and_then(|ports| ports.input(input));
+    input.map_or(0, |input| input.samples().len())
+}
+
+/// One of the samples that [`fss_count`] counts, the oldest first.
+///
+/// # Safety
+/// `ports` is what `step` was given.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fss_sample(ports: *const Ports, input: usize, place: usize) -> *const c_void {
+    // SAFETY: the caller keeps the contract above.
+    let input = unsafe { raw(ports) }.and_then(|ports| ports.input(input));
+    let sample = input.and_then(|input| input.samples().nth(place));
+    sample.map_or(ptr::null(), |sample| sample.as_ptr().cast())
+}
+
+/// The text at a place of the options.
+///
+/// # Safety
+/// `ports` is what `create` was given, `path` a string.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fss_option_text(ports: *const Ports, path: *const c_char) -> *const c_char {
+    // SAFETY: the caller keeps the contract above; null pointers are looked for.
+    let (ports, path) = unsafe { (ports.as_ref(), text(path)) };
+    let text = ports.zip(path).and_then(|(ports, path)| ports.options.text(&path));
+    text.map_or(ptr::null(), CStr::as_ptr)
+}
+
+/// The number at a place of the options.
+///
+/// # Safety
+/// `ports` is what `create` was given, `path` a string, `value` a place for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fss_option_number(ports: *const Ports, path: *const c_char, value: *mut f64) -> c_int {
+    // SAFETY: the caller keeps the contract above; null pointers are looked for.
+    let (ports, path, value) = unsafe { (ports.as_ref(), text(path), value.as_mut()) };
+    let number = ports.zip(path).and_then(|(ports, path)| ports.options.number(&path));
+    match (number, value) {
+        (Some(number), Some(value)) => {
+            *value = number;
+            0
+        }
+        _ => -1,
+    }
+}
+
+/// All options, as JSON.
+///
+/// # Safety
+/// `ports` is what `create` was given.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fss_options(ports: *const Ports) -> *const c_char {
+    // SAFETY: the caller keeps the contract above.
+    unsafe { ports.as_ref() }.map_or(ptr::null(), |ports| ports.options.json().as_ptr())
 }
 
 /// Publishes a sample.

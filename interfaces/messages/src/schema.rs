@@ -14,6 +14,14 @@ pub struct Header {
     pub published_ns: u64,
 }
 
+impl Header {
+    /// Of a sample as it lies in memory; none where that is too short.
+    pub fn of_sample(sample: &[u8]) -> Option<Self> {
+        let number = |at: usize| Some(u64::from_le_bytes(*sample.get(at..)?.first_chunk()?));
+        Some(Self { sequence: number(0)?, stamp_ns: number(8)?, published_ns: number(16)? })
+    }
+}
+
 /// A primitive of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
@@ -96,6 +104,21 @@ impl<Text: AsRef<str>> Field<Text> {
     /// Whether it only fills the room that the layout needs.
     pub fn is_padding(&self) -> bool {
         self.name.as_ref().starts_with("reserved")
+    }
+
+    /// Its `i`-th value in a sample, as a number; none where the field or the sample has no such value.
+    pub fn number(&self, i: usize, sample: &[u8]) -> Option<f64> {
+        let size = self.scalar.size();
+        let at = self.offset + i * size;
+        let bytes = sample.get(at..at + size).filter(|_| i < self.count.unwrap_or(1))?;
+        let mut word = [0; 8];
+        word[..size].copy_from_slice(bytes);
+        let word = u64::from_le_bytes(word);
+        Some(match self.scalar {
+            Scalar::F64 => f64::from_bits(word),
+            Scalar::I64 => word as i64 as f64,
+            _ => word as f64,
+        })
     }
 
     /// How many bytes it has.

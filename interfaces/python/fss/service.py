@@ -8,6 +8,7 @@ Messages are ctypes structures: `fss messages --python` prints fss's own, `fss m
 """
 
 import ctypes
+import json
 import os
 import sys
 import traceback
@@ -42,6 +43,10 @@ class _Service(ctypes.Structure):
         ("create", _Create),
         ("step", _Step),
         ("destroy", _Destroy),
+        ("every", ctypes.POINTER(ctypes.c_size_t)),
+        ("every_count", ctypes.c_size_t),
+        ("options", ctypes.POINTER(ctypes.c_char_p)),
+        ("option_count", ctypes.c_size_t),
     ]
 
 
@@ -54,6 +59,9 @@ def _load():
     library.fss_refuse.argtypes = [pointer, ctypes.c_char_p]
     library.fss_latest.argtypes, library.fss_latest.restype = [pointer, size], pointer
     library.fss_fresh.argtypes, library.fss_fresh.restype = [pointer, size], pointer
+    library.fss_count.argtypes, library.fss_count.restype = [pointer, size], size
+    library.fss_sample.argtypes, library.fss_sample.restype = [pointer, size, size], pointer
+    library.fss_options.argtypes, library.fss_options.restype = [pointer], ctypes.c_char_p
     library.fss_publish.argtypes = [pointer, size, pointer]
     library.fss_event.argtypes = [pointer, ctypes.c_uint8, ctypes.c_char_p]
     return library
@@ -76,6 +84,11 @@ class Latest:
     def fresh(self):
         """The newest sample if it came since the last step."""
         return self._sample(self._library.fss_fresh(self._ports, self._place))
+
+    def samples(self):
+        """The samples that came since the last step, oldest first: at most 64 where the service's `every` names the port, 1 where not."""
+        count = self._library.fss_count(self._ports, self._place)
+        return [self._sample(self._library.fss_sample(self._ports, self._place, i)) for i in range(count)]
 
     def within(self, now_ns, max_age_ns):
         """The newest sample if it is not older than max_age_ns by its stamp."""
@@ -113,9 +126,13 @@ class Service:
     outputs = {}
     #: The keys of its config in the launch file: all of them numbers, and all required.
     config = ()
+    #: Further keys of its config: texts, tables and lists, none of them required.
+    options = ()
+    #: The input ports of which a step takes every sample; of the others it has the newest.
+    every = ()
 
     def __init__(self, config, rate_hz):
-        """Before the first step; config is a dictionary of numbers."""
+        """Before the first step; config is a dictionary of what the launch file says."""
 
     def step(self, now_ns, inputs, outputs):
         """One step. inputs.PORT is a Latest, outputs.PORT an Output; outputs.event(severity, text) says that something happened."""
@@ -139,6 +156,7 @@ class _Bound:
     def create(self, ports, config, rate_hz):
         try:
             values = {key: config[i] for i, key in enumerate(self.service.config)}
+            values.update(json.loads(self.library.fss_options(ports)))
             self.running = self.service(values, rate_hz)
         except Refused as reason:
             self.library.fss_refuse(ports, str(reason).encode())
@@ -172,10 +190,14 @@ def main(service):
     library = _load()
     bound = _Bound(library, service)
     inputs, outputs = _topics(service.inputs), _topics(service.outputs)
-    keys = (ctypes.c_char_p * len(service.config))(*[key.encode() for key in service.config])
+    texts = lambda keys: (ctypes.c_char_p * len(keys))(*[key.encode() for key in keys])
+    keys, options = texts(service.config), texts(service.options)
+    places = [list(service.inputs).index(port) for port in service.every]
+    every = (ctypes.c_size_t * len(places))(*places)
     create, step = _Create(bound.create), _Step(bound.step)
     declared = _Service(
-        service.name.encode(), inputs, len(inputs), outputs, len(outputs), keys, len(keys), create, step, _Destroy()
+        service.name.encode(), inputs, len(inputs), outputs, len(outputs), keys, len(keys), create, step, _Destroy(),
+        every, len(every), options, len(options),
     )
     arguments = (ctypes.c_char_p * len(sys.argv))(*[argument.encode() for argument in sys.argv])
     sys.exit(library.fss_main(len(arguments), arguments, ctypes.byref(declared)))

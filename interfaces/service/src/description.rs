@@ -38,6 +38,9 @@ pub struct PortDescription {
     pub schema: String,
     /// Its ROS 2 definition.
     pub definition: String,
+    /// Of an input whose service is written in another language: whether a step takes every sample, or only the newest.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub every: bool,
 }
 
 impl PortDescription {
@@ -49,6 +52,7 @@ impl PortDescription {
             of_target: topic.owner == Owner::Target,
             schema: definition.schema(),
             definition: definition.text,
+            every: false,
         }
     }
 
@@ -99,11 +103,12 @@ impl Description {
     }
 }
 
-/// A program of a stack.
+/// A service of a stack that does not come with fss.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ProgramEntry {
-    /// Where it lies.
-    pub path: PathBuf,
+    /// Where its program lies; none where it is linked into the launcher's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
     /// What it says of its service.
     pub description: Description,
 }

@@ -79,15 +79,17 @@
 //! languages stand on.
 
 mod description;
+mod explain;
 mod process;
 mod program;
 
 pub use description::{Description, FORMAT, PROGRAMS_FILE, PortDescription, ProgramEntry, read_programs, topics_of};
+pub use explain::explain_errors;
 pub use fss_bus::{Batch, InputPort, Latest, Output, OutputPort, Service, Time, inputs, outputs};
 pub use fss_messages as messages;
 pub use fss_messages::topic as topics;
 pub use process::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE, Process, STOP_TIME, SiteArgs, stop_on_signal};
-pub use program::{Program, RawProgram, Refusal, Site, run, run_raw};
+pub use program::{NoConfig, Program, RawProgram, Refusal, Site, config_of, run, run_raw};
 
 /// Defines messages of a package: of each the struct, its ROS 2 definition and the hash of its layout.
 ///

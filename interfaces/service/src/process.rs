@@ -3,7 +3,7 @@
 use crate::description::{read_programs, topics_of};
 use crate::program::Site;
 use clap::Args;
-use fss_bus::launch::{Launch, SERVICES, Schedule};
+use fss_bus::launch::{Launch, Schedule};
 use fss_bus::{Bus, Feed, Queue, Runner, Service, SharedConfig, process};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::ffi::OsString;
@@ -80,7 +80,7 @@ impl Process {
     /// Where the folder has no sound launch file, or shared memory cannot be opened.
     pub fn open(name: &str, args: &SiteArgs) -> Result<Self> {
         let path = args.run.join(LAUNCH_FILE);
-        let launch = Launch::parse(&read(&path)?, SERVICES);
+        let launch = Launch::of_run(&read(&path)?);
         Self::of(name, args, launch.map_err(|e| miette!(help = e.help, "{}: {}", path.display(), e.message))?)
     }
 

@@ -6,6 +6,7 @@ use clap::Parser;
 use fss_bus::{RawRunner, RawService, Run, Runner, Service, lockstep};
 use fss_messages::topic::is_shared;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -25,6 +26,11 @@ pub trait Program: Service + Sized {
     /// Where it cannot fly so; the launcher shows the reason.
     fn new(config: Self::Config, site: &Site) -> std::result::Result<Self, Refusal>;
 }
+
+/// The config of a service that takes none.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoConfig {}
 
 /// What a service may know of where it flies, before its first step.
 #[derive(Clone, Debug, Default)]
@@ -148,7 +154,11 @@ fn describe(description: &Description) -> Result<()> {
     Ok(())
 }
 
-fn config_of<S: Program>(text: &str) -> Result<S::Config> {
+/// What a service's `config` in the launch file says.
+///
+/// # Errors
+/// Where the service does not take it.
+pub fn config_of<S: Program>(text: &str) -> Result<S::Config> {
     toml::from_str(text).map_err(|e| miette!("config of '{}': {}", S::NAME, e.message()))
 }
 
@@ -172,9 +182,10 @@ fn fly_raw(program: &impl RawProgram, cli: &Cli) -> Result<()> {
     let service = program.make(&config, &process.site(name)?).map_err(|e| miette!("{e}")).wrap_err(name.clone())?;
     // What every service says goes by a port of its own.
     let outputs: Vec<_> = description.outputs.iter().filter(|port| !is_shared(&port.topic)).collect();
-    let inputs = description.inputs.iter().map(PortDescription::to_topic).collect::<Result<Vec<_>>>()?;
+    let inputs =
+        description.inputs.iter().map(|port| Ok((port.to_topic()?, port.every))).collect::<Result<Vec<_>>>()?;
     let outputs = outputs.into_iter().map(PortDescription::to_topic).collect::<Result<Vec<_>>>()?;
-    let mut runner = RawRunner::new(service, name, [&inputs, &outputs], &process.bus).into_diagnostic()?;
+    let mut runner = RawRunner::new(service, name, &inputs, &outputs, &process.bus).into_diagnostic()?;
     run_on(cli, &process, &mut runner)
 }
 

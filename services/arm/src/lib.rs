@@ -37,6 +37,7 @@ mod estimate;
 pub mod inverse;
 mod line;
 mod profile;
+mod program;
 mod reference;
 mod service;
 mod sines;
@@ -44,4 +45,5 @@ mod task;
 mod tracker;
 
 pub use config::{ArmConfig, Drive};
+pub use program::Config;
 pub use service::{ArmService, Inputs, Outputs};

@@ -9,6 +9,7 @@ pub mod allocation;
 mod config;
 pub mod guidance;
 pub mod modulation;
+mod program;
 pub mod stop;
 
 use allocation::{Allocator, Wrench};
@@ -22,6 +23,7 @@ use fss_messages::{
 use fss_multibody::{Model, State};
 use guidance::Leg;
 use modulation::Modulator;
+pub use program::Config;
 use std::f64::consts::TAU;
 use stop::{Action, Body, Stop};
 

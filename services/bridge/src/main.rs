@@ -7,7 +7,7 @@ use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, ROS2_QUEUE, SAID_QUEUE, ro
 use fss_bus::Service;
 use fss_bus::launch::Ros2;
 use fss_plant::Plant;
-use fss_service::{PLANT_FILE, Process, SiteArgs};
+use fss_service::{PLANT_FILE, Process, SiteArgs, explain_errors};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -22,6 +22,7 @@ struct Cli {
 }
 
 fn main() -> Result<()> {
+    explain_errors();
     tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(EnvFilter::from_default_env()).init();
     let site = Process::open(Bridge::NAME, &Cli::parse().site)?;
     let since = SystemTime::now().duration_since(UNIX_EPOCH);

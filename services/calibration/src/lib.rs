@@ -11,6 +11,7 @@
 //! Nothing is kept over a restart: the rest begins anew, and what was published before stays in the log.
 
 mod mean;
+mod program;
 mod rest;
 
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};

@@ -123,6 +123,7 @@ impl Wiring {
                 of_target: false,
                 schema: port.definition.schema(),
                 definition: port.definition.text.clone(),
+                every: false,
             };
             ports.iter().map(describe).collect()
         };
@@ -231,7 +232,7 @@ impl Fmu {
     /// Sets the inputs.
     fn listen(&self, now: Time, ports: &RawPorts) -> Result<(), &'static str> {
         for follows in &self.wiring.follows {
-            let sample = ports.input(follows.port).and_then(fss_bus::RawLatest::get).ok_or(OLD)?;
+            let sample = ports.input(follows.port).and_then(fss_bus::RawInput::get).ok_or(OLD)?;
             let stamp_ns = sample.get(8..).and_then(<[u8]>::first_chunk).map_or(0, |bytes| u64::from_le_bytes(*bytes));
             if now.age_ns(stamp_ns) > self.wiring.max_age_ns {
                 return Err(OLD);

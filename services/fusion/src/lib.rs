@@ -7,6 +7,7 @@
 
 pub mod device;
 pub mod filter;
+mod program;
 
 use filter::{Filter, GATE_D2, Noise, Pose};
 use fss_bus::{Feed, Output, Service, Time, inputs, outputs};

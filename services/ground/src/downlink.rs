@@ -8,7 +8,7 @@ use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{CDR_HEADER, PACKAGE, Sample};
 use std::sync::Arc;
 
-/// The topics' channels, in the order of [`topic::NAMES`].
+/// The topics' channels, in the order of [`AllTopics::iter`].
 pub(crate) struct Downlink {
     channels: Vec<Arc<RawChannel>>,
     record: Vec<u8>,
@@ -19,7 +19,12 @@ impl Downlink {
     pub(crate) fn new(context: &Arc<Context>, bus: &Bus) -> Result<Self, GroundError> {
         let mut announcer = Announcer { context, bus, channels: Ok(Vec::new()) };
         topic::visit(&mut announcer);
-        Ok(Self { channels: announcer.channels?, record: Vec::with_capacity(4096) })
+        let mut channels = announcer.channels?;
+        for topic in bus.program_topics() {
+            let (name, definition) = (bus.full_name(&topic.name), &topic.definition);
+            channels.push(ros_channel(context, &name, &definition.schema(), definition.text.clone())?);
+        }
+        Ok(Self { channels, record: Vec::with_capacity(4096) })
     }
 
     /// Sends what came since the last step to those who asked for it.

@@ -4,7 +4,7 @@ use clap::Parser;
 use fss_bus::Service;
 use fss_ground::{Ground, GroundConfig, overflow_layer};
 use fss_plant::Plant;
-use fss_service::{MISSION_FILE, PLANT_FILE, Process, SiteArgs};
+use fss_service::{MISSION_FILE, PLANT_FILE, Process, SiteArgs, explain_errors};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 use tracing_subscriber::layer::SubscriberExt;
@@ -29,6 +29,7 @@ struct Named {
 const NICE_TO_THE_FLIGHT: i32 = 10;
 
 fn main() -> Result<()> {
+    explain_errors();
     let words = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
     let words = words.with_filter(EnvFilter::from_default_env());
     tracing_subscriber::registry().with(words).with(overflow_layer()).init();

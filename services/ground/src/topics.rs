@@ -1,6 +1,6 @@
 //! Every topic as an input.
 
-use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, Time};
+use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, RawBatch, Time};
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{Header, Sample, Step};
 use std::any::Any;
@@ -40,8 +40,30 @@ impl<T: Sample> TopicInput for Batch<T> {
     }
 }
 
+impl TopicInput for RawBatch {
+    fn refresh(&mut self) {
+        RawBatch::refresh(self);
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        RawBatch::age_ns(self, now)
+    }
+
+    fn for_each(&self, take: &mut dyn FnMut(Header, &[u8])) {
+        for sample in self.samples() {
+            if let Some(header) = Header::of_sample(sample) {
+                take(header, sample);
+            }
+        }
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}
+
 impl AllTopics {
-    /// The topics, in the order of [`topic::NAMES`].
+    /// The topics, in the order of [`topic::NAMES`], and behind them those of services from elsewhere.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &dyn TopicInput> {
         self.topics.iter().map(AsRef::as_ref)
     }
@@ -75,7 +97,11 @@ impl InputPorts for AllTopics {
     fn open(bus: &Bus) -> Result<Self, BusError> {
         let mut opener = Opener { bus, opened: Ok(Vec::new()) };
         topic::visit(&mut opener);
-        Ok(Self { topics: opener.opened? })
+        let mut topics = opener.opened?;
+        for topic in bus.program_topics() {
+            topics.push(Box::new(RawBatch::open(bus, topic, Batch::<Step>::CAPACITY)?));
+        }
+        Ok(Self { topics })
     }
 
     fn refresh(&mut self) {

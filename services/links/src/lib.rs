@@ -17,9 +17,11 @@ mod command;
 mod config;
 mod datagram;
 pub mod device;
+mod program;
 mod receiver;
 mod service;
 
 pub use config::{JointLimits, LinksConfig};
 pub use datagram::{COMMAND_QUEUE, CommandDatagram, TELEMETRY_QUEUE, TelemetryDatagram};
+pub use program::Config;
 pub use service::{Inputs, LinksService, Outputs};

@@ -1,10 +1,10 @@
 //! Every topic as an input.
 
 use crate::block::Block;
-use crate::tape::{Definition, header_of};
+use crate::tape::Definition;
 use fss_bus::{Batch, Bus, BusError, InputPort, InputPorts, RawBatch, Time};
 use fss_messages::topic::{self, Topic, TopicVisitor};
-use fss_messages::{Sample, Step};
+use fss_messages::{Header, Sample, Step};
 
 /// Length of a service's name in samples that several services publish.
 const SERVICE_LEN: usize = 16;
@@ -99,33 +99,25 @@ impl<T: Sample> TopicInput for Input<T> {
     }
 }
 
-/// A topic that a program written elsewhere publishes.
-struct RawInput {
-    batch: RawBatch,
-    newest_ns: Option<u64>,
-}
-
-impl TopicInput for RawInput {
+impl TopicInput for RawBatch {
     fn refresh(&mut self) {
-        self.batch.refresh();
-        let stamps = self.batch.samples().filter_map(header_of).map(|header| header.stamp_ns);
-        self.newest_ns = stamps.last().or(self.newest_ns);
+        RawBatch::refresh(self);
     }
 
     fn age_ns(&self, now: Time) -> u64 {
-        self.newest_ns.map_or(u64::MAX, |stamp_ns| now.age_ns(stamp_ns))
+        RawBatch::age_ns(self, now)
     }
 
     fn write_to(&self, block: &mut Block, topic: usize, from: usize) -> usize {
-        from + self.batch.samples().skip(from).take_while(|sample| block.push(topic, sample)).count()
+        from + self.samples().skip(from).take_while(|sample| block.push(topic, sample)).count()
     }
 
     fn len(&self) -> usize {
-        self.batch.samples().len()
+        self.samples().len()
     }
 
     fn count_gaps(&self, publishers: &mut Publishers) -> u64 {
-        let headers = self.batch.samples().filter_map(header_of);
+        let headers = self.samples().filter_map(Header::of_sample);
         headers.map(|header| publishers.follow([0; SERVICE_LEN], header.sequence)).sum()
     }
 }
@@ -171,8 +163,7 @@ impl InputPorts for AllTopics {
             opener.outcome
         })?;
         for topic in bus.program_topics() {
-            let batch = RawBatch::open(bus, topic, Batch::<Step>::CAPACITY)?;
-            topics.push(Box::new(RawInput { batch, newest_ns: None }));
+            topics.push(Box::new(RawBatch::open(bus, topic, Batch::<Step>::CAPACITY)?));
         }
         Ok(Self { topics })
     }

@@ -101,7 +101,7 @@ impl Tape {
     /// Writes what a block holds; what cannot be written is counted.
     pub(crate) fn write(&mut self, block: &Block) {
         for (topic, sample) in block.iter() {
-            let Some(mut header) = header_of(sample) else { continue };
+            let Some(mut header) = Header::of_sample(sample) else { continue };
             if self.definitions[topic].has_own_clock {
                 header.published_ns = self.now_ns;
             }
@@ -206,10 +206,4 @@ impl Tape {
     fn say(&self, severity: u8, message: std::fmt::Arguments<'_>) {
         self.words.force_push(Event::new(self.now_ns, crate::NAME, severity, message));
     }
-}
-
-/// The header with which each sample starts.
-pub(crate) fn header_of(sample: &[u8]) -> Option<Header> {
-    let number = |at: usize| Some(u64::from_le_bytes(*sample.get(at..)?.first_chunk()?));
-    Some(Header { sequence: number(0)?, stamp_ns: number(8)?, published_ns: number(16)? })
 }

@@ -13,6 +13,7 @@
 //! ([`ThrustersState::DRIVER_FAULT`]) every mask is zero.
 
 pub mod device;
+mod program;
 
 use fss_bus::{DeviceOutput, Feed, Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic};

@@ -3,7 +3,7 @@
 //! Each service is a track. A step lasts from its boundary to the publication of its outputs, and names the samples that it used;
 //! with it go its deadline and, where health tells of one, its overrun. Events stand on their services' tracks.
 
-use fss_bus::launch::{Launch, SERVICES};
+use fss_bus::launch::Launch;
 use fss_messages::{Event, Health, Step, text_of, topic};
 use fss_records::log::Log;
 use miette::{IntoDiagnostic, Result, WrapErr};
@@ -21,7 +21,7 @@ pub(super) fn write(log: &Log, path: &Path) -> Result<usize> {
     let health = log.samples::<Health>(topic::HEALTH.name).into_diagnostic()?;
     let events = log.samples::<Event>(topic::EVENTS.name).into_diagnostic()?;
     let text = log.attachment(fss_service::LAUNCH_FILE).into_diagnostic()?.unwrap_or_default();
-    let launch = Launch::parse(&text, SERVICES).ok();
+    let launch = Launch::of_run(&text).ok();
     let deadline_ns = |name: &str| Some(launch.as_ref()?.schedule(name)?.deadline_ns());
     let mut tracks: BTreeMap<String, usize> = BTreeMap::new();
     let mut entries = 0;

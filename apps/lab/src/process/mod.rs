@@ -204,7 +204,7 @@ impl Ports {
             && !self.warned
         {
             self.warned = true;
-            tracing::warn!(%to, %error, "{what} could not be sent");
+            eprintln!("{what} could not be sent to {to}: {error}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::tape::{Recorded, Tape};
 use fss_bus::{Batch, Bus, InputPort, InputPorts, Output, OutputPort, OutputPorts, PortVisitor, Runner, Service, Time};
-use fss_messages::topic::{Owner, Topic};
+use fss_messages::topic::{Owner, Topic, is_shared};
 use fss_messages::{Field, Sample, Scalar, Step, text_of};
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
@@ -13,7 +13,7 @@ const KEPT: usize = 100;
 
 /// One place in which a recomputed sample is not the recorded one.
 #[derive(Serialize)]
-pub(super) struct Difference {
+pub(crate) struct Difference {
     /// How often the service had been started.
     pub start: usize,
     /// The step since that start.
@@ -39,7 +39,7 @@ impl fmt::Display for Difference {
 
 /// What became of a service.
 #[derive(Serialize)]
-pub(super) struct Verdict {
+pub(crate) struct Verdict {
     /// Its name.
     pub service: String,
     /// How often it was started.
@@ -58,7 +58,7 @@ pub(super) struct Verdict {
 
 impl Verdict {
     /// Of a service that has lived so, before anything was computed.
-    pub(super) fn of(service: &str, lives: &[Vec<Step>]) -> Self {
+    pub(crate) fn of(service: &str, lives: &[Vec<Step>]) -> Self {
         Self {
             service: service.to_owned(),
             starts: lives.iter().filter(|life| life[0].step == 1).count(),
@@ -71,7 +71,7 @@ impl Verdict {
     }
 
     /// Counts a difference, and keeps it where it is one of the first.
-    pub(super) fn add(&mut self, difference: Difference) {
+    pub(crate) fn add(&mut self, difference: Difference) {
         self.difference_count += 1;
         if self.differences.len() < KEPT {
             self.differences.push(difference);
@@ -98,21 +98,27 @@ struct FromTopic<'a, T: Sample> {
     from: usize,
 }
 
+/// As many samples as a record can count: there may have been more.
+pub(super) const UNCOUNTED: usize = u8::MAX as usize;
+
 impl<T: Sample> FromTopic<'_, T> {
-    fn relay(&mut self, step: &Step, port: usize) -> Result<(), String> {
-        let sequence = step.input[port];
-        let sample = match self.recorded.topic.owner {
+    /// Gives the newest samples of which a step's record speaks, `count` of them.
+    fn relay(&mut self, step: &Step, port: usize, count: usize) -> Result<(), String> {
+        let (sequence, topic) = (step.input[port], self.recorded.topic);
+        if count > 1 && (is_shared(topic.name) || count == UNCOUNTED) {
+            return Err(format!("which samples of {} step {} used is not known", topic.name, step.step));
+        }
+        let place = match topic.owner {
             Owner::This => self.recorded.of_sequence(sequence, step.published_ns),
-            Owner::Target => self.recorded.next_of_sequence(sequence, self.from).map(|(place, sample)| {
-                self.from = place;
-                sample
-            }),
+            Owner::Target => self.recorded.next_of_sequence(sequence, self.from),
         };
-        let sample = sample.ok_or_else(|| {
-            format!("{} has no sample {sequence} in the log, which step {} used", self.recorded.topic.name, step.step)
+        let samples = place.and_then(|place| self.recorded.up_to(place, count)).ok_or_else(|| {
+            format!("{} has no sample {sequence} in the log, which step {} used", topic.name, step.step)
         })?;
-        self.port.relay(sample);
-        self.held = sequence;
+        for sample in samples {
+            self.port.relay(sample);
+        }
+        (self.held, self.from) = (sequence, place.unwrap_or(self.from));
         Ok(())
     }
 }
@@ -121,21 +127,22 @@ impl<T: Sample> Feeder for FromTopic<'_, T> {
     fn give_held(&mut self, step: &Step, port: usize) -> Result<bool, String> {
         let unseen = step.fresh[port] == 0 && step.input[port] != self.held;
         if unseen {
-            self.relay(step, port)?;
+            self.relay(step, port, 1)?;
         }
         Ok(unseen)
     }
 
     fn give(&mut self, step: &Step, port: usize) -> Result<(), String> {
-        if step.fresh[port] == 0 { Ok(()) } else { self.relay(step, port) }
+        let count = usize::from(step.fresh[port]);
+        if count == 0 { Ok(()) } else { self.relay(step, port, count) }
     }
 }
 
 /// Gives a device's messages of a step, which had so many; returns how many it gave.
-pub(super) type Give<'a> = Box<dyn FnMut(&Step, u64) -> u64 + 'a>;
+pub(crate) type Give<'a> = Box<dyn FnMut(&Step, u64) -> u64 + 'a>;
 
 /// A device: gives what it had for the step, and says how many messages that were.
-pub(super) struct FromDevice<'a> {
+pub(crate) struct FromDevice<'a> {
     /// The queue to its service.
     pub queue: &'static str,
     /// What the messages are called.
@@ -197,7 +204,7 @@ impl<T: Sample> Checker for ToTopic<'_, T> {
 }
 
 /// Calls `found` with each value of two samples' bytes that differs.
-pub(super) fn each_difference<Text: AsRef<str>>(
+pub(crate) fn each_difference<Text: AsRef<str>>(
     fields: &[Field<Text>],
     was: &[u8],
     is: &[u8],
@@ -279,7 +286,7 @@ impl<'a> PortVisitor for Checkers<'a, '_> {
 }
 
 /// A service on a bus of its own, with all that it reads and writes.
-pub(super) struct Player<'a, S: Service> {
+pub(crate) struct Player<'a, S: Service> {
     runner: Runner<S>,
     /// One for each input port, in their order.
     inputs: Vec<Box<dyn Feeder + 'a>>,
@@ -292,7 +299,7 @@ impl<'a, S: Service> Player<'a, S> {
     ///
     /// # Errors
     /// Where one is not, where a device is missing, or where the bus refuses a port.
-    pub(super) fn new(service: S, bus: &Bus, tape: &'a Tape, devices: Vec<FromDevice<'a>>) -> Result<Self> {
+    pub(crate) fn new(service: S, bus: &Bus, tape: &'a Tape, devices: Vec<FromDevice<'a>>) -> Result<Self> {
         let runner = Runner::new(service, bus).into_diagnostic()?;
         let mut feeders = Feeders { bus, tape, devices, all: Vec::new() };
         S::Inputs::visit(&mut feeders);
@@ -320,13 +327,13 @@ impl<'a, S: Service> Player<'a, S> {
     }
 }
 
-/// Replays all lives of a service; `open` makes a player for one of them.
+/// Replays all lives of a service; `open` makes a player for one of them, the how-manieth start of the process it is.
 ///
 /// # Errors
 /// Where a player cannot be made.
-pub(super) fn replay<'a, S: Service>(
+pub(crate) fn replay<'a, S: Service>(
     tape: &'a Tape,
-    open: impl Fn(&[Step]) -> Result<Player<'a, S>>,
+    open: impl Fn(&[Step], u32) -> Result<Player<'a, S>>,
 ) -> Result<Verdict> {
     let lives = tape.lives(S::NAME);
     let mut verdict = Verdict::of(S::NAME, &lives);
@@ -339,7 +346,7 @@ pub(super) fn replay<'a, S: Service>(
             continue;
         }
         start += 1;
-        let mut player = open(life)?;
+        let mut player = open(life, start as u32)?;
         for step in life {
             if let Err(lack) = player.step(step) {
                 verdict.gaps.push(format!("steps {} to {last}: {lack}", step.step));

@@ -1,6 +1,6 @@
 //! Services that are programs of their own, computed again: each is started anew, and stepped with the inputs that the log holds.
 
-use super::player::{Difference, Verdict, each_difference};
+use super::player::{Difference, UNCOUNTED, Verdict, each_difference};
 use super::tape::Tape;
 use crate::follower::Follower;
 use crate::stack::Stack;
@@ -14,8 +14,6 @@ use std::collections::BTreeMap;
 
 /// Where a sample of a topic on which many speak names its service.
 const SERVICE: std::ops::Range<usize> = 24..40;
-/// As many samples as a record can count: there may have been more.
-const UNCOUNTED: u8 = u8::MAX;
 
 /// A sample as the log has it.
 struct Sample {
@@ -27,14 +25,19 @@ struct Sample {
 /// What a log holds of the topics of programs, by their full names, in the order of their publication.
 type Recorded = BTreeMap<String, Vec<Sample>>;
 
-/// Replays every program of the stack.
+/// Replays every service that does not come with fss, but for those that `is_replayed` already.
 ///
 /// # Errors
 /// Where the logs cannot be read, or a program does not describe plain samples.
-pub(super) fn replay_all(stack: &Stack, tape: &Tape, logs: &[Log]) -> Result<Vec<Verdict>> {
+pub(super) fn replay_all(
+    stack: &Stack,
+    tape: &Tape,
+    logs: &[Log],
+    is_replayed: impl Fn(&str) -> bool,
+) -> Result<Vec<Verdict>> {
     let topics = |ports: &[PortDescription]| ports.iter().map(PortDescription::to_topic).collect::<Result<Vec<_>>>();
     let mut verdicts = Vec::new();
-    for program in &stack.programs {
+    for program in stack.programs.iter().filter(|program| !is_replayed(&program.description.service)) {
         let (inputs, outputs) = (topics(&program.description.inputs)?, topics(&program.description.outputs)?);
         let recorded = read(stack, logs, inputs.iter().chain(&outputs))?;
         let player = Player { stack, program, inputs, outputs, recorded };
@@ -116,7 +119,7 @@ impl Player<'_> {
                 continue;
             }
             start += 1;
-            let mut life = match self.start() {
+            let mut life = match self.start(start as u32) {
                 Ok(life) => life,
                 Err(reason) => {
                     verdict.gaps.push(format!("steps {first} to {last}: {reason:#}"));
@@ -136,12 +139,17 @@ impl Player<'_> {
         verdict
     }
 
-    fn start(&self) -> Result<Life> {
-        if !self.program.path.exists() {
-            return Err(miette!("there is no program {}", self.program.path.display()));
+    /// Starts its process, for the how-manieth time.
+    fn start(&self, starts: u32) -> Result<Life> {
+        let name = &self.program.description.service;
+        let help = "replay the log with the program that flew it";
+        let elsewhere = || miette!(help = help, "'{name}' is linked into another program than this; {help}");
+        let path = self.program.path.as_ref().ok_or_else(elsewhere)?;
+        if !path.exists() {
+            return Err(miette!("there is no program {}", path.display()));
         }
         let bus = Bus::local().for_stack(&self.stack.launch);
-        let follower = Follower::start(self.stack, self.program, &bus, 1)?;
+        let follower = Follower::start(self.stack, (path, &self.program.description), &bus, 1, starts)?;
         let inputs = self.inputs.iter().map(|topic| RawOutput::open(&bus, topic)).collect::<Result<_, BusError>>();
         let outputs =
             self.outputs.iter().map(|topic| RawBatch::open(&bus, topic, 256)).collect::<Result<_, BusError>>();
@@ -174,7 +182,7 @@ impl Player<'_> {
         }
         let (topic, sequence) = (&self.inputs[port], step.input[port]);
         let lacks = || format!("{} has no sample {sequence} in the log, which step {} used", topic.name, step.step);
-        if is_shared(&topic.name) || count == usize::from(UNCOUNTED) {
+        if is_shared(&topic.name) || count == UNCOUNTED {
             return Err(format!("which samples of {} step {} used is not known", topic.name, step.step));
         }
         let samples = full_name(self.stack, topic).and_then(|name| self.recorded.get(&name)).ok_or_else(lacks)?;

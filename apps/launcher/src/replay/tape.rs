@@ -10,7 +10,7 @@ use std::any::Any;
 use std::collections::HashMap;
 
 /// The samples of a topic in the order of their publication.
-pub(super) struct Recorded<T> {
+pub(crate) struct Recorded<T> {
     /// The topic, whose name is without the vehicle's.
     pub topic: Topic<T>,
     samples: Samples<T>,
@@ -36,40 +36,46 @@ impl<T: Sample> AnyRecorded for Recorded<T> {
 }
 
 impl<T: Sample> Recorded<T> {
-    /// Of another vehicle's samples, the first of this sequence from the `from`-th on, and its place.
-    pub(super) fn next_of_sequence(&self, sequence: u64, from: usize) -> Option<(usize, &T)> {
-        self.samples.samples.iter().enumerate().skip(from).find(|(_, sample)| sample.header().sequence == sequence)
+    /// Of another vehicle's samples, the place of the first of this sequence from the `from`-th on.
+    pub(crate) fn next_of_sequence(&self, sequence: u64, from: usize) -> Option<usize> {
+        let rest = self.samples.samples.get(from..)?;
+        rest.iter().position(|sample| sample.header().sequence == sequence).map(|place| from + place)
+    }
+
+    /// The `count` samples up to the one of this place; none where there are not so many.
+    pub(crate) fn up_to(&self, place: usize, count: usize) -> Option<&[T]> {
+        self.samples.samples.get((place + 1).checked_sub(count)?..=place)
     }
 
     /// What was published at this time: by one step, unless several services speak on the topic.
-    pub(super) fn at(&self, published_ns: u64) -> &[T] {
+    pub(crate) fn at(&self, published_ns: u64) -> &[T] {
         let from = self.samples.samples.partition_point(|sample| sample.header().published_ns < published_ns);
         let to = self.samples.samples.partition_point(|sample| sample.header().published_ns <= published_ns);
         &self.samples.samples[from..to]
     }
 
-    /// The newest sample of this sequence that was published by `until_ns`: a publisher that starts anew counts anew.
-    pub(super) fn of_sequence(&self, sequence: u64, until_ns: u64) -> Option<&T> {
+    /// The place of the newest sample of this sequence that was published by `until_ns`: a publisher that starts anew counts anew.
+    pub(crate) fn of_sequence(&self, sequence: u64, until_ns: u64) -> Option<usize> {
         let end = self.samples.samples.partition_point(|sample| sample.header().published_ns <= until_ns);
-        self.samples.samples[..end].iter().rfind(|sample| sample.header().sequence == sequence)
+        self.samples.samples[..end].iter().rposition(|sample| sample.header().sequence == sequence)
     }
 
     /// The newest that was published before `published_ns`.
-    pub(super) fn before(&self, published_ns: u64) -> Option<&T> {
+    pub(crate) fn before(&self, published_ns: u64) -> Option<&T> {
         self.samples.samples
             [..self.samples.samples.partition_point(|sample| sample.header().published_ns < published_ns)]
             .last()
     }
 
     /// All from `published_ns` on.
-    pub(super) fn since(&self, published_ns: u64) -> &[T] {
+    pub(crate) fn since(&self, published_ns: u64) -> &[T] {
         &self.samples.samples
             [self.samples.samples.partition_point(|sample| sample.header().published_ns < published_ns)..]
     }
 }
 
 /// The topics that services read and write, and the record of their steps.
-pub(super) struct Tape {
+pub(crate) struct Tape {
     launch: Launch,
     topics: HashMap<(&'static str, Owner), Box<dyn AnyRecorded>>,
     /// Every step of every service, in the order of the log.
@@ -87,7 +93,7 @@ impl PortVisitor for Tape {
 
 impl Tape {
     /// Of a flight of this launch file's vehicle, without any topic.
-    pub(super) fn new(launch: &Launch) -> Self {
+    pub(crate) fn new(launch: &Launch) -> Self {
         Self { launch: launch.clone(), topics: HashMap::new(), steps: Vec::new() }
     }
 
@@ -101,7 +107,7 @@ impl Tape {
     }
 
     /// Adds the topics of a service's ports.
-    pub(super) fn with_ports_of<S: Service>(mut self) -> Self {
+    pub(crate) fn with_ports_of<S: Service>(mut self) -> Self {
         S::Inputs::visit(&mut self);
         S::Outputs::visit(&mut self);
         self
@@ -111,7 +117,7 @@ impl Tape {
     ///
     /// # Errors
     /// Where the log cannot be read, or another build recorded it.
-    pub(super) fn read(mut self, logs: &[Log]) -> Result<Self, LogError> {
+    pub(crate) fn read(mut self, logs: &[Log]) -> Result<Self, LogError> {
         let mut steps = Samples::<Step>::of(&self.full_name(&topic::STEPS));
         let mut all: Vec<&mut dyn Collect> = self.topics.values_mut().map(|recorded| recorded.collect()).collect();
         all.push(&mut steps);
@@ -125,13 +131,13 @@ impl Tape {
     ///
     /// # Errors
     /// Where no service that is replayed has a port of it.
-    pub(super) fn topic<T: Sample>(&self, topic: Topic<T>) -> Result<&Recorded<T>> {
+    pub(crate) fn topic<T: Sample>(&self, topic: Topic<T>) -> Result<&Recorded<T>> {
         let recorded: Option<&dyn Any> = self.topics.get(&(topic.name, topic.owner)).map(|r| &**r as &dyn Any);
         recorded.and_then(|r| r.downcast_ref()).ok_or_else(|| miette!("no service has a port of {}", topic.name))
     }
 
     /// The steps of a service, life by life: each start of its process, or what the log still holds of it.
-    pub(super) fn lives(&self, service: &str) -> Vec<Vec<Step>> {
+    pub(crate) fn lives(&self, service: &str) -> Vec<Vec<Step>> {
         let mut steps: Vec<Step> =
             self.steps.iter().filter(|step| text_of(&step.service) == service).copied().collect();
         steps.sort_by_key(|step| step.published_ns);

@@ -46,7 +46,7 @@ pub(super) fn read(folder: &Path, vehicle: &str, soak: &mut Soak, sums: &mut Sum
     logs.sort_by_key(|(first_ns, _)| *first_ns);
     for (_, log) in &logs {
         log.for_each(|channel, _, body| {
-            let Some(header) = header_of(body) else { return };
+            let Some(header) = Header::of_sample(body) else { return };
             // A topic on which all speak names its publisher behind the header.
             let publisher = if topic::is_shared(&channel.topic) { body.get(24..40).map_or("", text_of) } else { "" };
             let key = (channel.topic.clone(), publisher.to_owned());
@@ -62,9 +62,4 @@ pub(super) fn read(folder: &Path, vehicle: &str, soak: &mut Soak, sums: &mut Sum
         }
     }
     Ok(())
-}
-
-fn header_of(body: &[u8]) -> Option<Header> {
-    let number = |at: usize| Some(u64::from_le_bytes(*body.get(at..)?.first_chunk()?));
-    Some(Header { sequence: number(0)?, stamp_ns: number(8)?, published_ns: number(16)? })
 }

@@ -1,9 +1,9 @@
 //! The fields of a log as series over time.
 
-use fss_messages::topic::{self, Topic, TopicVisitor};
-use fss_messages::{Field, MissionState, Sample, Scalar};
+use fss_messages::{Definition, Field, Header, MissionState, Scalar, topic};
 use fss_multibody::wrapped;
-use fss_records::log::{Collect, Log, LogError, Samples};
+use fss_records::log::{Log, LogError, definition_of};
+use std::collections::BTreeMap;
 
 /// Topics that tell of processes and packets, not of the flight, or on which several speak at the same time.
 const LEFT_OUT: &[&str] = &["/health", "/steps", "/events", "/links/telemetry", "/parameters/state"];
@@ -23,7 +23,7 @@ pub(super) struct Flight {
 
 /// One field over time.
 pub(super) struct Series {
-    topic: &'static str,
+    topic: String,
     field: String,
     is_real: bool,
     is_angle: bool,
@@ -36,21 +36,34 @@ pub(super) struct Series {
 }
 
 impl Flight {
-    /// Reads all topics of a vehicle in one pass.
+    /// Reads all topics of a vehicle by the schemas that the log has of them, those of services from elsewhere as well.
     ///
     /// # Errors
-    /// Where the log cannot be read, or another build recorded it.
+    /// Where the log cannot be read, or a schema is none of plain samples.
     pub(super) fn read(log: &Log, vehicle: &str) -> Result<Self, LogError> {
         let prefix = if vehicle.is_empty() { String::new() } else { format!("/{vehicle}") };
-        let mut topics = AllTopics { prefix, topics: Vec::new() };
-        topic::visit(&mut topics);
-        let mut mission = Samples::<MissionState>::of(&format!("{}{}", topics.prefix, topic::MISSION_STATE.name));
-        let mut all: Vec<&mut dyn Collect> = vec![&mut mission];
-        all.extend(topics.topics.iter_mut().map(|topic| topic.collect()));
-        log.collect(&mut all)?;
-        let running = mission.samples.iter().find(|state| state.state == MissionState::RUNNING);
+        let mission = log.samples::<MissionState>(&format!("{prefix}{}", topic::MISSION_STATE.name))?;
+        let mut topics = BTreeMap::<String, Read>::new();
+        let mut refused = None;
+        log.for_each(|channel, _, sample| {
+            let Some(name) = channel.topic.strip_prefix(&prefix).filter(|name| !LEFT_OUT.contains(name)) else {
+                return;
+            };
+            if !topics.contains_key(name) {
+                match definition_of(channel) {
+                    Ok(definition) => drop(topics.insert(name.to_owned(), Read { definition, bytes: Vec::new() })),
+                    Err(reason) => refused = Some((channel.topic.clone(), reason)),
+                }
+            }
+            let Some(read) = topics.get_mut(name) else { return };
+            read.bytes.extend(sample.get(..read.definition.size).unwrap_or_default());
+        })?;
+        if let Some((topic, reason)) = refused {
+            return Err(LogError::Schema { path: log.path().to_owned(), topic, reason });
+        }
+        let running = mission.iter().find(|state| state.state == MissionState::RUNNING);
         let mission_ns = running.map(|state| state.phase_start_ns);
-        let series = topics.topics.iter().flat_map(|topic| topic.series()).collect();
+        let series = topics.iter().flat_map(|(topic, read)| read.series(topic)).collect();
         let mut flight = Self { series, mission_ns, zero_ns: 0, shift_s: 0.0 };
         flight.set_zero(0, 0.0);
         Ok(flight)
@@ -97,7 +110,7 @@ impl Series {
     pub(super) fn is_called(&self, name: &str) -> bool {
         let stem = self.field.split('.').next().unwrap_or_default();
         let in_topic =
-            |field: &str| name.strip_prefix(self.topic).and_then(|rest| rest.strip_prefix('.')) == Some(field);
+            |field: &str| name.strip_prefix(&self.topic).and_then(|rest| rest.strip_prefix('.')) == Some(field);
         name == self.topic || name == self.field || name == stem || in_topic(&self.field) || in_topic(stem)
     }
 
@@ -139,43 +152,35 @@ impl Series {
     }
 }
 
-/// A topic whatever its sample.
-trait AnyTopic {
-    fn collect(&mut self) -> &mut dyn Collect;
-    fn series(&self) -> Vec<Series>;
+/// A topic's samples, one behind the other.
+struct Read {
+    definition: Definition,
+    bytes: Vec<u8>,
 }
 
-struct Read<T> {
-    topic: Topic<T>,
-    samples: Samples<T>,
-}
-
-impl<T: Sample> AnyTopic for Read<T> {
-    fn collect(&mut self) -> &mut dyn Collect {
-        &mut self.samples
-    }
-
-    fn series(&self) -> Vec<Series> {
-        let mut samples: Vec<&T> = self.samples.samples.iter().collect();
-        if samples.is_empty() {
-            return Vec::new();
-        }
-        samples.sort_by_key(|sample| sample.header().stamp_ns);
-        let stamps_ns: Vec<u64> = samples.iter().map(|sample| sample.header().stamp_ns).collect();
+impl Read {
+    fn series(&self, topic: &str) -> Vec<Series> {
+        let mut samples: Vec<(u64, &[u8])> = self
+            .bytes
+            .chunks_exact(self.definition.size)
+            .filter_map(|sample| Some((Header::of_sample(sample)?.stamp_ns, sample)))
+            .collect();
+        samples.sort_by_key(|(stamp_ns, _)| *stamp_ns);
+        let stamps_ns: Vec<u64> = samples.iter().map(|(stamp_ns, _)| *stamp_ns).collect();
         let gap_s = LONGEST_GAP_PERIODS * usual_period_s(&stamps_ns);
-        let told = |field: &&Field| {
-            !field.name.ends_with("_ns") && !field.name.ends_with("sequence") && field.name != "reserved0"
+        let told = |field: &&Field<String>| {
+            !field.name.ends_with("_ns") && !field.name.ends_with("sequence") && !field.is_padding() && !field.is_text()
         };
-        let each =
-            T::FIELDS.iter().filter(told).flat_map(|field| (0..field.count.unwrap_or(1)).map(move |i| (field, i)));
+        let fields = self.definition.fields.iter().filter(told);
+        let each = fields.flat_map(|field| (0..field.count.unwrap_or(1)).map(move |i| (field, i)));
         each.map(|(field, i)| Series {
-            topic: self.topic.name,
-            field: field.count.map_or_else(|| field.name.to_owned(), |_| format!("{}.{i}", field.name)),
+            topic: topic.to_owned(),
+            field: field.count.map_or_else(|| field.name.clone(), |_| format!("{}.{i}", field.name)),
             is_real: field.scalar == Scalar::F64,
             is_angle: field.name.ends_with("_rad"),
             stamps_ns: stamps_ns.clone(),
             times_s: Vec::new(),
-            values: samples.iter().map(|sample| value(field, i, sample.as_bytes())).collect(),
+            values: samples.iter().filter_map(|(_, sample)| field.number(i, sample)).collect(),
             gap_s,
         })
         .collect()
@@ -187,31 +192,4 @@ fn usual_period_s(stamps_ns: &[u64]) -> f64 {
     let mut periods: Vec<u64> = stamps_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
     periods.sort_unstable();
     periods.get(periods.len() / 2).map_or(1.0, |ns| *ns as f64 * 1e-9)
-}
-
-fn value(field: &Field, i: usize, bytes: &[u8]) -> f64 {
-    let size = field.scalar.size();
-    let mut word = [0; 8];
-    let at = field.offset + i * size;
-    word[..size].copy_from_slice(&bytes[at..at + size]);
-    let word = u64::from_le_bytes(word);
-    match field.scalar {
-        Scalar::F64 => f64::from_bits(word),
-        Scalar::I64 => word as i64 as f64,
-        _ => word as f64,
-    }
-}
-
-struct AllTopics {
-    prefix: String,
-    topics: Vec<Box<dyn AnyTopic>>,
-}
-
-impl TopicVisitor for AllTopics {
-    fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
-        if !LEFT_OUT.contains(&topic.name) {
-            let samples = Samples::of(&format!("{}{}", self.prefix, topic.name));
-            self.topics.push(Box::new(Read { topic, samples }));
-        }
-    }
 }

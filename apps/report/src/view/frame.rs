@@ -1,7 +1,10 @@
 //! What the page shows of an instant, and what is on the table.
 
+use crate::values;
 use fss_launcher::stack::Stack;
-use fss_messages::{Event, Health, LinksState, MAX_LINKS, MissionState, MocapPose, NavState, TruthState, text_of};
+use fss_messages::{
+    Definition, Event, Health, LinksState, MAX_LINKS, MissionState, MocapPose, NavState, TruthState, text_of,
+};
 use fss_multibody::{Coordinates, Model};
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
@@ -178,6 +181,25 @@ pub(super) fn mask(valves: &[u8]) -> u32 {
 
 fn navigation_mode(nav: &NavState) -> &'static str {
     ["initialising", "tracking", "coasting", "lost", "no gyro"].get(usize::from(nav.mode)).unwrap_or(&"?")
+}
+
+/// The newest sample of a topic of a service from elsewhere.
+#[derive(Serialize)]
+pub(super) struct OtherRow {
+    /// s.
+    t: f64,
+    topic: String,
+    text: String,
+}
+
+/// Between two rows of one topic, ns.
+pub(super) const OTHER_PERIOD_NS: u64 = 200_000_000;
+
+impl OtherRow {
+    /// Of a sample at a time of the page's clock, s.
+    pub(super) fn of(t_s: f64, topic: &str, definition: &Definition, sample: &[u8]) -> Self {
+        Self { t: round(t_s), topic: topic.to_owned(), text: values::line(definition, sample) }
+    }
 }
 
 impl HealthRow {

@@ -1,12 +1,15 @@
 //! The running stack: samples from the bus, 30 times a second, to whoever looks.
 
-use super::frame::{EventRow, HealthRow, Samples, Scene, mask};
+use super::frame::{EventRow, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Scene, mask};
 use super::server::Stream;
 use crate::top::{folder_of, only_stack};
 use clap::Args;
-use fss_bus::{Batch, Bus, InputPort, Latest, SharedConfig, Time, realtime};
+use fss_bus::{Batch, Bus, InputPort, Latest, RawBatch, RawTopic, SharedConfig, Time, realtime};
 use fss_launcher::stack::Stack;
-use fss_messages::{Event, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic};
+use fss_messages::{
+    Event, Header, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic,
+};
+use fss_service::topics_of;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -34,6 +37,32 @@ struct Ports {
     valves: Batch<ThrustersState>,
     health: Batch<Health>,
     events: Batch<Event>,
+    others: Vec<Other>,
+}
+
+/// A topic of a service from elsewhere.
+struct Other {
+    topic: RawTopic,
+    batch: RawBatch,
+    /// When its last row was of, ns.
+    told_ns: u64,
+}
+
+impl Other {
+    fn open(bus: &Bus, topic: &RawTopic) -> Result<Self> {
+        let batch = RawBatch::open(bus, topic, Batch::<Event>::CAPACITY).into_diagnostic()?;
+        Ok(Self { topic: topic.clone(), batch, told_ns: 0 })
+    }
+
+    /// Its newest sample, now and then.
+    fn row(&mut self, seconds: impl Fn(u64) -> f64) -> Option<OtherRow> {
+        let sample = self.batch.samples().last()?;
+        let stamp_ns = Header::of_sample(sample)?.stamp_ns;
+        (stamp_ns.abs_diff(self.told_ns) >= OTHER_PERIOD_NS).then(|| {
+            self.told_ns = stamp_ns;
+            OtherRow::of(seconds(stamp_ns), &self.topic.name, &self.topic.definition, sample)
+        })
+    }
 }
 
 /// A reader beside a flying stack.
@@ -57,6 +86,7 @@ impl Ports {
             valves: Batch::open(bus, topic::THRUSTERS_STATE).into_diagnostic()?,
             health: Batch::open(bus, topic::HEALTH).into_diagnostic()?,
             events: Batch::open(bus, topic::EVENTS).into_diagnostic()?,
+            others: bus.program_topics().iter().map(|topic| Other::open(bus, topic)).collect::<Result<_>>()?,
         })
     }
 
@@ -69,6 +99,7 @@ impl Ports {
         self.valves.refresh();
         self.health.refresh();
         self.events.refresh();
+        self.others.iter_mut().for_each(|other| other.batch.refresh());
     }
 }
 
@@ -85,6 +116,7 @@ impl Watch {
         let stack = Stack::in_folder(&folder)?;
         let config = SharedConfig { node: "view".to_owned(), prefix };
         let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
+        let bus = bus.with_program_topics(topics_of(&stack.programs)?);
         let ports = Ports::open(&bus)?;
         Ok(Self { scene: Scene::of(stack)?, ports, seen: None, _bus: bus })
     }
@@ -137,7 +169,8 @@ impl Watch {
         for event in ports.events.samples().iter().filter(|event| event.severity >= Event::INFO) {
             say(stream, "event", &EventRow::of(seconds(event.stamp_ns), event))?;
         }
-        Ok(())
+        let mut others = self.ports.others.iter_mut().filter_map(|other| other.row(&seconds));
+        others.try_for_each(|row| say(stream, "other", &row))
     }
 }
 

@@ -1,11 +1,13 @@
 //! A log as the page wants it: frames at the picture's rate, reports of health, events.
 
-use super::frame::{EventRow, Frame, HealthRow, Samples, Scene};
+use super::frame::{EventRow, Frame, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Scene};
 use crate::report::Flight;
-use fss_messages::{Event, MocapPose, Sample};
+use fss_messages::{Event, Header, MocapPose, Sample};
 use fss_records::log::Log;
+use fss_service::topics_of;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// The picture's rate, and the most frames of a log, which then come less often.
 const RATE_HZ: f64 = 30.0;
@@ -16,6 +18,7 @@ struct Logged {
     frames: Vec<Frame>,
     health: Vec<HealthRow>,
     events: Vec<EventRow>,
+    others: Vec<OtherRow>,
 }
 
 /// Reads a log; gives the scene and the flight as JSON.
@@ -54,8 +57,29 @@ pub(super) fn read(log: &Log) -> Result<(String, String)> {
     let health = records.health().iter().map(|h| HealthRow::of(flight.seconds(h.stamp_ns), h)).collect();
     let events = records.events().iter().filter(|e| e.severity >= Event::INFO);
     let events = events.map(|e| EventRow::of(flight.seconds(e.stamp_ns), e)).collect();
-    let text = serde_json::to_string(&Logged { frames, health, events }).into_diagnostic()?;
+    let others = others(log, &flight)?;
+    let text = serde_json::to_string(&Logged { frames, health, events, others }).into_diagnostic()?;
     Ok((scene.json(false), text))
+}
+
+/// Now and then a sample of each topic of services from elsewhere.
+fn others(log: &Log, flight: &Flight) -> Result<Vec<OtherRow>> {
+    let vehicle = &flight.stack.launch.vehicle;
+    let prefix = if vehicle.is_empty() { String::new() } else { format!("/{vehicle}") };
+    let topics = topics_of(&flight.stack.programs)?;
+    let mut due: BTreeMap<String, _> =
+        topics.iter().map(|topic| (format!("{prefix}{}", topic.name), (topic, 0_u64))).collect();
+    let mut rows = Vec::new();
+    log.for_each(|channel, _, sample| {
+        let Some((topic, told_ns)) = due.get_mut(&channel.topic) else { return };
+        let Some(header) = Header::of_sample(sample) else { return };
+        if *told_ns == 0 || header.stamp_ns >= *told_ns + OTHER_PERIOD_NS {
+            *told_ns = header.stamp_ns;
+            rows.push(OtherRow::of(flight.seconds(header.stamp_ns), &topic.name, &topic.definition, sample));
+        }
+    })
+    .into_diagnostic()?;
+    Ok(rows)
 }
 
 /// The newest sample at a time, s.

@@ -239,7 +239,7 @@ impl fmt::Display for Mocap {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::launch::{Launch, SERVICES};
+    use crate::launch::Launch;
 
     const LAB: &str = include_str!("../../../../deploy/etc/launch/lab.toml");
     const VICON: &str = "{ kind = \"vicon\", listen = \"127.0.0.1:51001\" }";
@@ -247,7 +247,7 @@ mod tests {
     fn with(mocap: &str) -> Result<Mocap, String> {
         let text = LAB.replace(VICON, mocap);
         assert_ne!(text, LAB);
-        Launch::parse(&text, SERVICES).map(|launch| launch.devices.mocap).map_err(|e| e.message)
+        Launch::of_run(&text).map(|launch| launch.devices.mocap).map_err(|e| e.message)
     }
 
     #[test]
@@ -258,7 +258,7 @@ mod tests {
             include_str!("../../../../deploy/etc/launch/chaser.toml"),
             include_str!("../../../../deploy/etc/launch/target.toml"),
         ] {
-            let launch = Launch::parse(text, SERVICES).unwrap();
+            let launch = Launch::of_run(text).unwrap();
             assert!(matches!(launch.devices.mocap, Mocap::Vicon(_)));
         }
     }

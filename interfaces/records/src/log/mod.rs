@@ -16,6 +16,7 @@ pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
 pub use recover::Recovered;
 pub use scan::Damage;
 pub use select::{Contents, Topic};
+pub use table::definition_of;
 pub use writer::{LogWriter, Recorded, Storage};
 
 use std::path::PathBuf;

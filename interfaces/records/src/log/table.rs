@@ -54,7 +54,10 @@ impl Log {
 }
 
 /// What the log itself says of a topic's messages: those of another build, or of a service written elsewhere, are read as well.
-pub(super) fn definition_of(channel: &mcap::Channel<'_>) -> Result<Definition, String> {
+///
+/// # Errors
+/// Where its schema is none of plain samples.
+pub fn definition_of(channel: &mcap::Channel<'_>) -> Result<Definition, String> {
     let schema = channel.schema.as_ref().ok_or_else(|| "it has no schema".to_owned())?;
     let text = std::str::from_utf8(&schema.data).map_err(|e| e.to_string())?;
     Definition::parse(&schema.name, text).map_err(|e| format!("{}: {e}", schema.name))

@@ -23,7 +23,7 @@ const json = async (path) => {
 };
 
 const scene = await json("/scene.json");
-const flight = { frames: [], health: [], events: [] };
+const flight = { frames: [], health: [], events: [], others: [] };
 const extent = new Extent(scene);
 const state = { now: 0, playing: false, follows: scene.live, heard: 0, timeAt: () => 0, stripsDue: true };
 
@@ -97,6 +97,15 @@ function tables() {
   });
   const none = make("tr", scene.live ? "none heard yet" : "none reported: on a virtual clock no service can be late");
   byId("health").replaceChildren(...(rows.length ? [head, ...rows] : [none]));
+  const newest = new Map();
+  for (const row of flight.others) if (row.t <= state.now + 0.01 || state.follows) newest.set(row.topic, row);
+  byId("others-section").hidden = newest.size === 0;
+  byId("others").replaceChildren(...[...newest.values()].map((other) => {
+    const tr = document.createElement("tr");
+    for (const cell of [other.topic, other.text]) tr.append(make("td", cell));
+    if (state.now - other.t > 1.5) tr.className = "bad";
+    return tr;
+  }));
   const events = flight.events.slice(-200).map((e) => {
     const tr = document.createElement("tr");
     for (const cell of [`${e.t.toFixed(2)} s`, e.service, e.text]) tr.append(make("td", cell));
@@ -150,6 +159,7 @@ function listen() {
     if (list.length > 500) list.shift();
   };
   stream.addEventListener("health", keep(flight.health, (a, b) => a.t === b.t && a.service === b.service));
+  stream.addEventListener("other", keep(flight.others, (a, b) => a.t === b.t && a.topic === b.topic));
   stream.addEventListener("event", keep(flight.events, (a, b) => a.t === b.t && a.text === b.text));
 }
 
