@@ -181,7 +181,10 @@ fn valves_stay_shut_when_an_fmu_crashes_fails_or_gives_no_numbers_and_the_flight
         let said_ns = said.unwrap_or_else(|| panic!("no event says '{words}'")).stamp_ns;
         let truth = log.samples::<TruthState>(topic::TRUTH_STATE.name).unwrap();
         let after = truth.iter().filter(|t| t.stamp_ns > said_ns + 200_000_000);
-        assert!(after.clone().count() > 100 && after.clone().all(|t| t.valves.iter().all(|v| *v == 0)), "valves open after fault {fault}");
+        assert!(
+            after.clone().count() > 100 && after.clone().all(|t| t.valves.iter().all(|v| *v == 0)),
+            "valves open after fault {fault}"
+        );
     }
     let Some(fmu) = c_fmu(folder, 2, 2, "m") else { return };
     let launch = launch_file(folder, &fmu, 54_700);

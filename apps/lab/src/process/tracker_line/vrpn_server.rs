@@ -136,7 +136,6 @@ impl Client {
                 }
             }
             Some((false, PING)) => self.ping = Some(message.sender),
-            Some((false, _)) => {}
             None if Some(message.kind) == self.ping => {
                 let Some((_, ours)) = self.senders.iter().find(|(theirs, _)| *theirs == message.sender) else {
                     return Some(());
@@ -145,7 +144,7 @@ impl Client {
                 let len = vrpn::pong(*ours as i32, &mut buffer).ok()?;
                 self.stream.write_all(buffer.get(..len)?).ok()?;
             }
-            None => {}
+            Some((false, _)) | None => {}
         }
         Some(())
     }
