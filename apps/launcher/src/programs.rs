@@ -33,12 +33,10 @@ pub(crate) fn find(launch: &Launch, file: &TextFile) -> Result<Vec<ProgramEntry>
             programs.extend(linked(service, file)?);
             continue;
         };
-        {
-            let at = |message: String, help: &str| file.error(message, help.to_owned(), Some(program.span()));
-            let path = locate(program.get_ref(), &file.path, at)?;
-            let description = ask(&path, service, file, at)?;
-            programs.push(ProgramEntry { path: Some(path), description });
-        }
+        let at = |message: String, help: &str| file.error(message, help.to_owned(), Some(program.span()));
+        let path = locate(program.get_ref(), &file.path, at)?;
+        let description = ask(&path, service, file, at)?;
+        programs.push(ProgramEntry { path: Some(path), description });
     }
     check(launch, &programs).map_err(|e| file.error(e.message, e.help, e.span))?;
     Ok(programs)

@@ -21,7 +21,7 @@ mod samples;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, Nodes, Response, ValueSlope, Values, datagrams};
+use crate::servo_response::{self, GainSlope, Gains, Nodes, Response, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
@@ -55,11 +55,9 @@ pub struct BaseBlock {
 
 /// A plant, its effects, and what is linearized about them.
 struct About {
-    /// Values of the drives with which the joints' path was computed, and what others change.
-    values: Vec<Values>,
-    by_value: Vec<ValueSlope>,
-    /// Effects that change what servos make of their datagrams.
-    moving: Vec<Effect>,
+    /// Gains of the drives with which the joints' path was computed, and what others change.
+    gains: Vec<Gains>,
+    by_gain: Vec<GainSlope>,
     predictor: Predictor,
     noise: NoiseModel,
 }
@@ -77,10 +75,9 @@ impl About {
         let physics = Physics::with(plant, &plant.effects);
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
-        let by_value = value_slopes(plant, run, &predictor, samples, &beside);
+        let by_gain = gain_slopes(plant, run, &predictor, samples, &beside);
         let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
-        let values = servo_response::values(plant);
-        Ok(Self { values, by_value, moving: servo_response::moving(&plant.effects), predictor, noise })
+        Ok(Self { gains: servo_response::gains(plant), by_gain, predictor, noise })
     }
 }
 
@@ -122,13 +119,12 @@ impl BaseBlock {
         if let Some(about) = &*self.present() {
             return Ok(about.clone());
         }
-        let moving = servo_response::moving(effects);
-        let as_nominal = servo_response::with_exactly(plant, &self.plant.effects) == self.plant;
-        let is_nominal = as_nominal && moving == self.nominal.moving || datagrams(plant, &self.run).is_none();
+        let is_nominal =
+            servo_response::answer_alike(plant, effects, &self.plant) || datagrams(plant, &self.run).is_none();
         let about = if is_nominal {
             self.nominal.clone()
         } else {
-            let plant = servo_response::with_exactly(plant, &moving);
+            let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
             let encoders = EncoderPath::smoothed(&self.run, &plant, self.pose.grid);
             Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
         };
@@ -137,32 +133,32 @@ impl BaseBlock {
     }
 }
 
-/// What the rows change by with each value of each joint's drive: by the part of the change that telemetry does not show.
-fn value_slopes(
+/// What the rows change by with each gain of each joint's servo: by the part of the change that telemetry does not show.
+fn gain_slopes(
     plant: &Plant,
     run: &Run,
     predictor: &Predictor,
     samples: &Samples,
     beside: &JointMotion,
-) -> Vec<ValueSlope> {
+) -> Vec<GainSlope> {
     let (encoders, grid) = (&predictor.encoders, predictor.encoders.grid);
     let Some(response) = &encoders.response else { return Vec::new() };
-    let of = |(value, changes): (usize, &Vec<Nodes>)| -> Vec<ValueSlope> {
+    let of = |(gain, changes): (usize, &Vec<Nodes>)| -> Vec<GainSlope> {
         let sum = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| a[i] + b[i]);
         let other = |(a, b): (&Nodes, &Nodes)| a.iter().zip(b).map(sum).collect();
         let nominal = response.nominal.iter().zip(changes).map(other).collect();
-        let other = EncoderPath::about(run, plant, grid, Some(Response { nominal, by_value: Vec::new() }));
+        let other = EncoderPath::about(run, plant, grid, Some(Response { nominal, by_gain: Vec::new() }));
         let slope = |joint: usize| {
             let change = |k: usize| {
                 let rate = other.rate[k][joint] - encoders.rate[k][joint];
                 [other.angle[k][joint] - encoders.angle[k][joint], rate, 0.0]
             };
             let nodes: Nodes = (0..encoders.angle.len()).map(change).collect();
-            ValueSlope { value, joint, of_row: beside.rows(samples, joint, |t_s| grid.between(&nodes, t_s)) }
+            GainSlope { gain, joint, of_row: beside.rows(samples, joint, |t_s| grid.between(&nodes, t_s)) }
         };
         (0..changes.len()).map(slope).collect()
     };
-    response.by_value.iter().enumerate().flat_map(of).collect()
+    response.by_gain.iter().enumerate().flat_map(of).collect()
 }
 
 /// Cells in which the heading turns little.
@@ -181,7 +177,7 @@ impl Block for BaseBlock {
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let about = self.about(plant, effects)?;
         let mut rows = self.samples.read(&about.predictor.motion(plant, effects)?);
-        servo_response::tune(plant, &about.values, &about.by_value, &mut rows);
+        servo_response::tune(plant, &about.gains, &about.by_gain, &mut rows);
         Ok(rows)
     }
 

@@ -32,7 +32,7 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{self, Values};
+use crate::servo_response::{self, Gains};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
@@ -85,8 +85,8 @@ pub struct JointBlock {
 struct Present {
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
-    /// Values of the drives.
-    values: Vec<Values>,
+    /// Gains of the drives.
+    gains: Vec<Gains>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
 }
@@ -235,17 +235,16 @@ impl JointBlock {
     /// What a plant with effects is about which everything is linearized.
     fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        let moving = servo_response::moving(effects);
-        let as_nominal = servo_response::with_exactly(plant, &self.plant.effects) == self.plant;
-        let is_nominal = as_nominal && moving == servo_response::moving(&self.plant.effects) || self.anchors.is_some();
+        let is_nominal = servo_response::answer_alike(plant, effects, &self.plant) || self.anchors.is_some();
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
         let anew = || {
-            let simulated = self.servos.reference(&servo_response::with_exactly(plant, &moving), &self.path);
+            let moving = servo_response::with_exactly(plant, &servo_response::moving(effects));
+            let simulated = self.servos.reference(&moving, &self.path);
             let reference = simulated.as_ref().or(self.path.reference.as_ref());
             Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, self.servos.commands.as_ref()))
         };
         Present {
-            values: servo_response::values(plant),
+            gains: servo_response::gains(plant),
             breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
             linearization: if is_nominal { None } else { anew() },
         }
@@ -283,7 +282,7 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
-        servo_response::tune(plant, &present.values, &about.by_value, &mut out);
+        servo_response::tune(plant, &present.gains, &about.by_gain, &mut out);
         Ok(out)
     }
 

@@ -12,18 +12,17 @@ use fss_plant::{Effect, Place, Plant, Servo};
 /// Angle, rate and acceleration at each node of a path.
 pub(crate) type Nodes = Vec<[f64; 3]>;
 
-/// What of a drive is not known exactly and changes how it answers: gains of the position loop, of the velocity loop, of its
-/// integral.
-const VALUES: [fn(&mut Plant, usize) -> &mut f64; 3] = [
+/// The gains that are not known exactly: of the position loop, of the velocity loop, of its integral.
+const GAINS: [fn(&mut Plant, usize) -> &mut f64; 3] = [
     |p, i| &mut own_servo(p, i).position_gain_1_s,
     |p, i| &mut own_servo(p, i).velocity_gain_n_m_s_rad,
     |p, i| &mut own_servo(p, i).velocity_integral_n_m_rad,
 ];
-/// The values of one drive.
-pub(crate) type Values = [f64; VALUES.len()];
+/// Those of one servo.
+pub(crate) type Gains = [f64; GAINS.len()];
 
-/// Step of a value in differences, as a share of it.
-pub(crate) const STEP: f64 = 0.1;
+/// Step of a gain in differences, as a share of it.
+const STEP: f64 = 0.1;
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
 pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
@@ -31,11 +30,11 @@ pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// The joints' motion in answer to datagrams.
 #[derive(Clone, Debug)]
 pub(crate) struct Response {
-    /// Each joint with the plant's values.
+    /// Each joint with the plant's gains.
     pub(crate) nominal: Vec<Nodes>,
-    /// For each of the values, what each joint's motion changes by where the value is larger by the share [`STEP`]. A joint is
-    /// taken to depend on its own values.
-    pub(crate) by_value: Vec<Vec<Nodes>>,
+    /// For each of [`GAINS`], what each joint's motion changes by where it is larger by the share [`STEP`]. A joint is taken to depend
+    /// on its own gains.
+    pub(crate) by_gain: Vec<Vec<Nodes>>,
 }
 
 /// The answer of a plant's servos at the times `grid_s`, s.
@@ -44,15 +43,15 @@ pub(crate) struct Response {
 /// When the plant's masses are impossible.
 pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
     let nominal = played(plant, commands, grid_s)?;
-    let by_value = VALUES.iter().map(|value| {
+    let by_gain = GAINS.iter().map(|gain| {
         let mut other = plant.clone();
-        (0..plant.link_count()).for_each(|joint| *value(&mut other, joint) *= 1.0 + STEP);
+        (0..plant.link_count()).for_each(|joint| *gain(&mut other, joint) *= 1.0 + STEP);
         let other = played(&other, commands, grid_s)?;
         let change = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| b[i] - a[i]);
         Ok(nominal.iter().zip(&other).map(|(a, b)| a.iter().zip(b).map(change).collect()).collect())
     });
-    let by_value = by_value.collect::<Result<_, ModelError>>()?;
-    Ok(Response { nominal, by_value })
+    let by_gain = by_gain.collect::<Result<_, ModelError>>()?;
+    Ok(Response { nominal, by_gain })
 }
 
 /// The servo of one joint, apart from what others share.
@@ -73,25 +72,25 @@ pub(crate) fn arrival_time(commands: &Commands) -> f64 {
     0.5 * median(&mut intervals).unwrap_or(1.0)
 }
 
-/// What rows change by where a value of a joint's drive is larger by the share [`STEP`].
-pub(crate) struct ValueSlope {
-    pub(crate) value: usize,
+/// What rows change by where a gain of a joint's servo is larger by the share [`STEP`].
+pub(crate) struct GainSlope {
+    pub(crate) gain: usize,
     pub(crate) joint: usize,
     pub(crate) of_row: Vec<f64>,
 }
 
-/// The values of each joint's drive.
-pub(crate) fn values(plant: &Plant) -> Vec<Values> {
+/// The gains of each joint's servo.
+pub(crate) fn gains(plant: &Plant) -> Vec<Gains> {
     let mut plant = plant.clone();
     let joints = plant.link_count();
-    (0..joints).map(|joint| VALUES.map(|value| *value(&mut plant, joint))).collect()
+    (0..joints).map(|joint| GAINS.map(|gain| *gain(&mut plant, joint))).collect()
 }
 
-/// Adds what the values of a plant's drives change over the `nominal` ones.
-pub(crate) fn tune(plant: &Plant, nominal: &[Values], by_value: &[ValueSlope], rows: &mut [f64]) {
-    let own = values(plant);
-    for slope in by_value {
-        let (now, nominal) = (own[slope.joint][slope.value], nominal[slope.joint][slope.value]);
+/// Adds what the gains of a plant change over the `nominal` ones.
+pub(crate) fn tune(plant: &Plant, nominal: &[Gains], by_gain: &[GainSlope], rows: &mut [f64]) {
+    let own = gains(plant);
+    for slope in by_gain {
+        let (now, nominal) = (own[slope.joint][slope.gain], nominal[slope.joint][slope.gain]);
         if now != nominal && nominal != 0.0 {
             let steps = (now / nominal - 1.0) / STEP;
             rows.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += steps * s);
@@ -104,6 +103,11 @@ pub(crate) fn moving(effects: &[Effect]) -> Vec<Effect> {
     effects.iter().filter(|e| matches!(e.about().place, Place::Mass | Place::Joint)).cloned().collect()
 }
 
+/// Whether the servos of a plant with these effects answer as those of another plant with its own.
+pub(crate) fn answer_alike(plant: &Plant, effects: &[Effect], other: &Plant) -> bool {
+    with_exactly(plant, &other.effects) == *other && moving(effects) == moving(&other.effects)
+}
+
 /// A plant with exactly these effects.
 pub(crate) fn with_exactly(plant: &Plant, effects: &[Effect]) -> Plant {
     Plant { effects: effects.to_vec(), ..plant.clone() }
@@ -113,7 +117,7 @@ pub(crate) fn with_exactly(plant: &Plant, effects: &[Effect]) -> Plant {
 ///
 /// # Errors
 /// When the plant's masses are impossible.
-pub(crate) fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
+fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
     let still = Plant { disturbance: None, ..plant.clone() };
     let mut times = Vec::new();
     let mut states = vec![Vec::new(); plant.link_count()];

@@ -44,8 +44,9 @@ pub(super) struct Arrivals {
 struct Loop {
     /// Rates of the states.
     rates: DMatrix<f64>,
-    /// H^-1 K.
+    /// H^-1 K, and H^-1 K G.
     velocity: DMatrix<f64>,
+    position: DMatrix<f64>,
 }
 
 impl Loop {
@@ -68,13 +69,19 @@ impl Loop {
         let velocity = &inverse * diagonal(&|i| plant.servo(i).velocity_gain_n_m_s_rad);
         let position = &velocity * diagonal(&|i| plant.servo(i).position_gain_1_s);
         let damping = &velocity + &inverse * diagonal(&|i| plant.links[i].viscous_friction_n_m_s_rad);
-        let displaced = &position * diagonal(&|i| -v[i] * ARRIVAL_SD_S);
         let mut rates = DMatrix::zeros(3 * n, 3 * n);
         rates.view_mut((n, 2 * n), (n, n)).fill_with_identity();
-        rates.view_mut((2 * n, 0), (n, n)).copy_from(&displaced);
-        rates.view_mut((2 * n, n), (n, n)).copy_from(&-position);
+        rates.view_mut((2 * n, n), (n, n)).copy_from(&-&position);
         rates.view_mut((2 * n, 2 * n), (n, n)).copy_from(&-damping);
-        Some(Self { rates, velocity })
+        let mut out = Self { rates, velocity, position };
+        v.iter().enumerate().for_each(|(joint, v)| out.follow(joint, *v));
+        Some(out)
+    }
+
+    /// One joint is commanded the rate `v` from now on.
+    fn follow(&mut self, joint: usize, v: f64) {
+        let n = self.joints();
+        (0..n).for_each(|i| self.rates[(2 * n + i, joint)] = -self.position[(i, joint)] * v * ARRIVAL_SD_S);
     }
 
     fn joints(&self) -> usize {
@@ -132,7 +139,7 @@ impl Arrivals {
                 noise.column_mut(joint).fill(0.0);
                 noise += &pushed * pushed.transpose();
                 v[joint] = rate;
-                now = Loop::new(plant, mechanics, t_s, &v)?;
+                now.follow(joint, rate);
             }
             if t_s > from_s && from_s.is_finite() {
                 go_on(&now, t_s - from_s, &mut transition, &mut noise);
@@ -204,7 +211,8 @@ mod tests {
     fn one_joint() -> Loop {
         let (h, k, g, v) = (0.2, 6.0, 8.0, 0.5);
         let rates = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -k * g * v * ARRIVAL_SD_S / h, -k * g / h, -k / h];
-        Loop { rates: DMatrix::from_row_slice(3, 3, &rates), velocity: DMatrix::from_element(1, 1, k / h) }
+        let one = |value| DMatrix::from_element(1, 1, value);
+        Loop { rates: DMatrix::from_row_slice(3, 3, &rates), velocity: one(k / h), position: one(k * g / h) }
     }
 
     #[test]

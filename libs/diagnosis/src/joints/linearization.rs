@@ -7,7 +7,7 @@ use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
 use super::servos;
-use crate::servo_response::ValueSlope;
+use crate::servo_response::GainSlope;
 use fss_experiments::commands::Commands;
 use fss_plant::Plant;
 
@@ -16,8 +16,8 @@ pub(super) struct Linearization {
     pub(super) model: NoiseModel,
     /// Mean over a row's samples less the reading at its time, less what the path is beside the reference.
     pub(super) shift: Vec<f64>,
-    /// What other values of the drives change.
-    pub(super) by_value: Vec<ValueSlope>,
+    /// What other gains of the servos change.
+    pub(super) by_gain: Vec<GainSlope>,
 }
 
 impl Linearization {
@@ -44,7 +44,7 @@ impl Linearization {
         model.arrivals = commands.and_then(|c| Arrivals::new(plant, mechanics, c, rows));
         let beside = model.read_motion(rows, |joint, stamp_s| path.deviation(joint, stamp_s, reference));
         let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
-        let by_value = servos::value_slopes(reference.map_or(&[], |r| &r.changes), path, rows, &model);
-        Some(Self { model, shift, by_value })
+        let by_gain = servos::gain_slopes(reference.map_or(&[], |r| &r.changes), path, rows, &model);
+        Some(Self { model, shift, by_gain })
     }
 }

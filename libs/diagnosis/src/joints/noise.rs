@@ -97,7 +97,7 @@ impl NoiseModel {
     }
 
     /// The same of rows whose end-effector's are mixed ([`Slopes::mix`]).
-    pub(super) fn read_mixed(&self, rows: &[Row], motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
+    fn read_mixed(&self, rows: &[Row], motion: impl Fn(usize, f64) -> [f64; 3]) -> Vec<f64> {
         // Rows are means over their samples: so is the motion.
         let mean = |row: &Row, joint: usize| -> [f64; 3] {
             let count = row.stamps_s.len().max(1) as f64;

@@ -22,7 +22,7 @@ const LEAST_RATE_SD: f64 = 6e-5;
 pub(super) struct Reference {
     /// Each joint's motion.
     pub(super) joints: Vec<Track>,
-    /// What it changes by with each value of its drive ([`Response::by_value`]); empty without datagrams.
+    /// What it changes by with each gain of its servo ([`Response::by_gain`]); empty without datagrams.
     pub(super) changes: Vec<Vec<Nodes>>,
 }
 
@@ -30,7 +30,7 @@ impl Reference {
     fn of(response: Response, start_s: f64) -> Self {
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
         let joints = response.nominal.into_iter().map(track).collect();
-        Self { joints, changes: response.by_value }
+        Self { joints, changes: response.by_gain }
     }
 }
 

@@ -4,7 +4,7 @@
 use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::Row;
-use crate::servo_response::{self, Nodes, ValueSlope, datagrams};
+use crate::servo_response::{self, GainSlope, Nodes, datagrams};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_plant::Plant;
@@ -28,17 +28,17 @@ impl Servos {
     }
 }
 
-/// What the rows change by with each value of each joint's drive.
-pub(super) fn value_slopes(
+/// What the rows change by with each gain of each joint's servo.
+pub(super) fn gain_slopes(
     changes: &[Vec<Nodes>],
     path: &MeasuredPath,
     rows: &[Row],
     model: &NoiseModel,
-) -> Vec<ValueSlope> {
-    let of = |value: usize, joint: usize| {
-        let unseen = path.unseen(joint, &changes[value][joint]);
+) -> Vec<GainSlope> {
+    let of = |gain: usize, joint: usize| {
+        let unseen = path.unseen(joint, &changes[gain][joint]);
         let motion = |j: usize, stamp_s: f64| if j == joint { unseen.at(stamp_s) } else { [0.0; 3] };
-        ValueSlope { value, joint, of_row: model.read_motion(rows, motion) }
+        GainSlope { gain, joint, of_row: model.read_motion(rows, motion) }
     };
-    (0..changes.len()).flat_map(|value| (0..model.links).map(move |joint| of(value, joint))).collect()
+    (0..changes.len()).flat_map(|gain| (0..model.links).map(move |joint| of(gain, joint))).collect()
 }
