@@ -83,19 +83,21 @@ fn launch_file(folder: &Path, fmu: &Path, first_port: u16) -> PathBuf {
         .join("[[service]]")
         .replace("51001", &first_port.to_string())
         .replace("5110", &(first_port / 10 + 1).to_string());
-    text += &format!(
-        "\n[[service]]\nname = \"fmu\"\nprogram = \"fss-fmu\"\nrate_hz = 100\nphase_us = 1500\n[service.config]\nfmu = \"{}\"\n",
-        fmu.display()
-    );
+    let fmu = fmu.display();
+    let mut tables = vec![format!(
+        "\n[[service]]\nname = \"fmu\"\nprogram = \"fss-fmu\"\nrate_hz = 100\nphase_us = 1500\n[service.config]\nfmu = \"{fmu}\"\n"
+    )];
     let nav = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"].map(|field| ("/nav/state", field));
     for ((name, _), (topic, field)) in NAMES.iter().zip(nav.into_iter().chain([("/mission/state", "state")])) {
-        text += &format!("[[service.config.input]]\nvariable = \"{name}\"\ntopic = \"{topic}\"\nfield = \"{field}\"\n");
+        let wire = format!("variable = \"{name}\"\ntopic = \"{topic}\"\nfield = \"{field}\"\n");
+        tables.push(format!("[[service.config.input]]\n{wire}"));
     }
-    let command = "topic = \"/thrusters/command\"\nfield =";
-    text += &format!("[[service.config.output]]\nvalue = 8\n{command} \"valve_count\"\n");
-    for i in 0..8 {
-        text += &format!("[[service.config.output]]\nvariable = \"valve_{}\"\n{command} \"valves[{i}]\"\n", i + 1);
+    let valve = |i: usize| (format!("variable = \"valve_{}\"", i + 1), format!("valves[{i}]"));
+    for (value, field) in [("value = 8".to_owned(), "valve_count".to_owned())].into_iter().chain((0..8).map(valve)) {
+        let wire = format!("{value}\ntopic = \"/thrusters/command\"\nfield = \"{field}\"\n");
+        tables.push(format!("[[service.config.output]]\n{wire}"));
     }
+    text.push_str(&tables.concat());
     let path = folder.join(format!("launch-{first_port}.toml"));
     std::fs::write(&path, text).unwrap();
     path

@@ -45,11 +45,13 @@ pub fn xml(is_fmi2: bool, name: &str, variables: &[Variable]) -> String {
     let outputs = || variables.iter().enumerate().filter(|(_, v)| v.causality == Causality::Output);
     if is_fmi2 {
         // FMI 2 counts variables from 1.
-        let unknowns: String = outputs().map(|(i, _)| format!("      <Unknown index=\"{}\"/>\n", i + 1)).collect();
-        let _ = write!(
-            text,
-            "    <Outputs>\n{unknowns}    </Outputs>\n    <InitialUnknowns>\n{unknowns}    </InitialUnknowns>\n"
-        );
+        for kind in ["Outputs", "InitialUnknowns"] {
+            let _ = writeln!(text, "    <{kind}>");
+            for (i, _) in outputs() {
+                let _ = writeln!(text, "      <Unknown index=\"{}\"/>", i + 1);
+            }
+            let _ = writeln!(text, "    </{kind}>");
+        }
     } else {
         for kind in ["Output", "InitialUnknown"] {
             for (i, _) in outputs() {

@@ -27,7 +27,7 @@ fn the_same_commands_each_millisecond_give_the_same_motion() {
         assert!(instance.step(1e-3));
         simulation.set_level(2, level, simulation.t_s());
         (0..4).for_each(|i| {
-            simulation.set_joint(i, JointCommand::Current { current_a: if i == 0 { current_a } else { 0.0 } })
+            simulation.set_joint(i, JointCommand::Current { current_a: if i == 0 { current_a } else { 0.0 } });
         });
         simulation.step(1e-3);
     }

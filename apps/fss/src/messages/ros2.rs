@@ -40,7 +40,8 @@ fn package_xml(package: &str) -> String {
 }
 
 fn cmake(package: &str, own: &[&Definition]) -> String {
-    let files: String = own.iter().map(|definition| format!("  \"msg/{}.msg\"\n", definition.name)).collect();
+    let files: Vec<_> = own.iter().map(|definition| format!("  \"msg/{}.msg\"\n", definition.name)).collect();
+    let files = files.concat();
     format!(
         "cmake_minimum_required(VERSION 3.8)\nproject({package})\n\nfind_package(ament_cmake REQUIRED)\n\
          find_package(rosidl_default_generators REQUIRED)\n\nrosidl_generate_interfaces(${{PROJECT_NAME}}\n{files})\n\n\
