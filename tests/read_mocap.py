@@ -39,7 +39,7 @@ def natnet_poses(until):
 
     client = NatNetClient(server_ip_address=HOST, local_ip_address=HOST, command_port=PORT, use_multicast=False)
     with client:
-        client.on_data_frame_received_event.add_handler(take)
+        client.on_data_frame_received_event.handlers.append(take)
         while time.monotonic() < until:
             client.update_sync()
             time.sleep(0.002)
