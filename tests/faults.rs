@@ -59,7 +59,7 @@ fn a_thruster_that_does_not_open_is_missed() {
 fn a_mission_file_brings_its_own_faults() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("blind.toml");
-    let fault = "[[fault]]\nfrom_s = 4\nto_s = 4.8\nkind = \"vicon_silent\"\n";
+    let fault = "[[fault]]\nfrom_s = 4\nto_s = 4.8\nkind = \"mocap_silent\"\n";
     std::fs::write(&path, format!("{}\n{fault}", include_str!("../deploy/etc/missions/hold.toml"))).unwrap();
     let s = fly(path.to_str().unwrap(), &[]);
     assert!(s["warnings"].to_string().contains("motion capture is missing"), "{s}");
@@ -81,9 +81,9 @@ fn faults_that_make_no_sense_are_refused_with_their_file() {
         let said = plain(&String::from_utf8_lossy(&output.stderr));
         assert!(!output.status.success() && said.contains("wrong.toml") && said.contains(&plain(words)), "{said}");
     };
-    refused("[[fault]]\nfrom_s = 1\nto_s = 2\nkind = \"vicon_asleep\"\n", "vicon_asleep");
+    refused("[[fault]]\nfrom_s = 1\nto_s = 2\nkind = \"mocap_asleep\"\n", "mocap_asleep");
     refused("[[fault]]\nfrom_s = 1\nto_s = 2\nkind = { link_dead = { link = 9 } }\n", "links are 1 to 4");
-    refused("[network.vicon]\nloss = 2\n", "between 0 and 1");
+    refused("[network.mocap]\nloss = 2\n", "between 0 and 1");
 }
 
 #[test]

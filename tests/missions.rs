@@ -108,7 +108,7 @@ fn a_capture_is_replayed_bit_for_bit() {
 #[test]
 fn a_target_that_is_lost_is_left_by_the_way_out() {
     let folder = tempfile::tempdir().unwrap();
-    let fault = "\n[[fault]]\nfrom_s = 40\nto_s = 500\nkind = { vicon_zeros = { object = \"target\" } }\n";
+    let fault = "\n[[fault]]\nfrom_s = 40\nto_s = 500\nkind = { mocap_zeros = { object = \"target\" } }\n";
     let mission = mission_file(folder.path(), &format!("{CAPTURE}{fault}"));
     let out = folder.path().join("out");
     let arguments = ["run", mission.to_str().unwrap(), "--fast", "--quiet", "--out", out.to_str().unwrap()];

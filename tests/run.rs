@@ -209,7 +209,7 @@ fn a_busy_port_is_named_and_nothing_is_left_running() {
     let out = folder.path().join("out");
     let _taken = std::net::UdpSocket::bind("127.0.0.1:52050").unwrap();
     let (launch, out) = (launch.to_str().unwrap(), out.to_str().unwrap());
-    refused(&["run", "--quiet", "--launch", launch, "--out", out], &["fusion", "127.0.0.1:52050", "[devices] vicon"]);
+    refused(&["run", "--quiet", "--launch", launch, "--out", out], &["fusion", "127.0.0.1:52050", "[devices] mocap"]);
     assert_eq!(left_behind(folder.path()), Vec::<String>::new());
 }
 

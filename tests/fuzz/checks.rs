@@ -6,7 +6,8 @@ use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::experiment::{Experiment, Table};
 use fss_records::log::Log;
-use fss_wire::{bridge, dsp3000, link, shared_table, valves, vicon};
+use fss_wire::mocap::{Axes, Protocol, Reader, Tracker};
+use fss_wire::{bridge, dsp3000, link, natnet, shared_table, valves, vicon, vrpn};
 use std::path::{Path, PathBuf};
 
 /// A reader's name, whose corpus lies in the folder of that name, and what must hold of it.
@@ -15,6 +16,8 @@ pub type Check = (&'static str, fn(&[u8]));
 /// Every reader.
 pub const CHECKS: &[Check] = &[
     ("vicon", check_vicon),
+    ("natnet", check_natnet),
+    ("vrpn", check_vrpn),
     ("dsp3000", check_dsp3000),
     ("link", check_link),
     ("valves", check_valves),
@@ -34,6 +37,43 @@ pub fn check_vicon(datagram: &[u8]) {
     if let Ok(frame) = vicon::Frame::decode(datagram) {
         assert!(frame.objects().count() * vicon::OBJECT_LEN + vicon::HEADER_LEN <= datagram.len());
     }
+}
+
+/// A NatNet message of either version is read or refused, gives finite poses, and holds every body that it gives.
+pub fn check_natnet(datagram: &[u8]) {
+    for version in [natnet::Version { major: 3, minor: 0 }, natnet::Version::NEWEST] {
+        if let Ok(Some(frame)) = natnet::Frame::decode(datagram, version) {
+            assert!(frame.rigid_bodies().count() * 38 < datagram.len());
+        }
+        let protocol = Protocol::Natnet { version, ids: [1, 2, 3] };
+        sightings_are_poses(&mut Reader::new(Tracker { protocol, ..Tracker::default() }), datagram);
+    }
+    if let Ok(Some(info)) = natnet::ServerInfo::decode(datagram) {
+        let mut buffer = [0; 512];
+        let len = info.encode(&mut buffer).unwrap();
+        assert_eq!(natnet::ServerInfo::decode(&buffer[..len]), Ok(Some(info)));
+    }
+    let _asked_or_not = natnet::Request::decode(datagram);
+}
+
+/// A VRPN stream is read or refused, never beyond its end, and gives finite poses.
+pub fn check_vrpn(stream: &[u8]) {
+    let axes = Axes::parse(&["x", "-z", "y"].map(str::to_owned)).unwrap();
+    let mut reader = Reader::new(Tracker { protocol: Protocol::Vrpn, axes, ..Tracker::default() });
+    sightings_are_poses(&mut reader, stream);
+    if let Ok(Some((message, len))) = vrpn::Message::decode(stream) {
+        let mut buffer = [0; vrpn::MAX_MESSAGE_LEN];
+        let again = message.encode(0, &mut buffer).unwrap();
+        assert_eq!((again, vrpn::Message::decode(&buffer[..again])), (len, Ok(Some((message, len)))));
+    }
+    let _named_or_not = vrpn::call_back_port(stream);
+}
+
+fn sightings_are_poses(reader: &mut Reader, bytes: &[u8]) {
+    let read = reader.read(bytes, |sighting| {
+        assert!(sighting.poses.iter().flatten().flatten().all(|value| value.is_finite()));
+    });
+    assert!(read.is_err() || read.is_ok_and(|used| used <= bytes.len()));
 }
 
 /// What goes with a sample from another vehicle is read or refused; what is read encodes to the same bytes.

@@ -14,6 +14,7 @@ mod host;
 mod log;
 mod messages;
 mod new;
+mod plant;
 mod run;
 mod urdf;
 
@@ -65,6 +66,9 @@ enum Command {
     /// Look at the computer that shall fly.
     #[command(subcommand)]
     Host(host::HostCommand),
+    /// Write a plant for other simulators.
+    #[command(subcommand)]
+    Plant(plant::PlantCommand),
     /// Print the vehicle of a plant file as a URDF.
     Urdf(urdf::UrdfArgs),
     /// Write man pages and shell completions, for the package.
@@ -112,6 +116,7 @@ fn run_command(command: Command) -> miette::Result<ExitCode> {
         Command::Challenge(args) => challenge::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Host(command) => host::run(&command),
+        Command::Plant(command) => plant::run(&command),
         Command::Urdf(args) => urdf::run(&args),
         Command::Generate(args) => generate::run::<Cli>(&args),
         Command::Bench(command) => bench::run(&command),

@@ -1,6 +1,7 @@
 //! `fss log`: what a log holds, as tables, and whole again where it was broken.
 
 mod export;
+mod perfetto;
 
 use clap::{Args, Subcommand};
 use fss_messages::{Event, text_of, topic};
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub enum LogCommand {
     /// Show topics, counts and rates, and what happened.
     Info(InfoArgs),
-    /// Write every topic as a table: CSV, Parquet or MATLAB.
+    /// Write every topic as a table (CSV, Parquet or MATLAB), or the timeline of steps as a trace.
     Export(export::ExportArgs),
     /// Make a whole log of what a broken one still holds: all but the last second where its recorder was killed.
     Recover(RecoverArgs),

@@ -2,6 +2,7 @@
 
 mod c;
 mod python;
+mod ros2;
 
 use clap::Args;
 use fss_launcher::files::TextFile;
@@ -30,6 +31,9 @@ struct Language {
     /// A Python module of ctypes structures, for `fss.service`; iceoryx2's Python package takes them too.
     #[arg(long)]
     python: bool,
+    /// A ROS 2 package for each package of messages, written into this folder; colcon builds it.
+    #[arg(long, value_name = "DIR")]
+    ros2: Option<PathBuf>,
 }
 
 /// A named value of a message.
@@ -53,6 +57,12 @@ pub fn run(args: &MessagesArgs) -> Result<()> {
     } else {
         (args.files.iter().map(|path| read(path)).collect::<Result<_>>()?, Vec::new())
     };
+    if let Some(folder) = &args.language.ros2 {
+        for package in ros2::write(&definitions, folder)? {
+            say!("{}", folder.join(package).display());
+        }
+        return Ok(());
+    }
     let render = if args.language.c { c::render } else { python::render };
     say_part!("{}", render(&definitions, &topics));
     Ok(())

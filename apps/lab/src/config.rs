@@ -3,10 +3,8 @@
 use crate::{LabError, Network};
 use fss_plant::{MAX_LINKS, Plant};
 use fss_wire::link::Key;
+use fss_wire::mocap::{NAMES as OBJECTS, Tracker};
 use serde::{Deserialize, Serialize};
-
-/// What Tracker calls them.
-pub(crate) const OBJECTS: [&str; 3] = ["base", "end_effector", "target"];
 
 /// Where everything is when the run starts. Joints beyond those given are at zero.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -25,7 +23,7 @@ pub struct Start {
 
 /// A fault of a device and when it is there. Faults of the plant itself (a stuck valve, a leak) are its effects.
 ///
-/// In a file: `{ from_s = 5, to_s = 6, kind = "vicon_silent" }`, or `kind = { link_dead = { link = 2 } }`.
+/// In a file: `{ from_s = 5, to_s = 6, kind = "mocap_silent" }`, or `kind = { link_dead = { link = 2 } }`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
@@ -42,16 +40,20 @@ pub struct Fault {
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FaultKind {
     /// Motion capture sends nothing.
-    ViconSilent,
-    /// Motion capture sends exact zeros for one object.
-    ViconZeros {
+    #[serde(alias = "vicon_silent")]
+    MocapSilent,
+    /// Motion capture has lost one object: VICON sends exact zeros for it, NatNet flags it, VRPN says nothing of it.
+    #[serde(alias = "vicon_zeros")]
+    MocapZeros {
         /// The object's name.
         object: String,
     },
     /// Motion capture repeats its last frame, number and all.
-    ViconFrozen,
+    #[serde(alias = "vicon_frozen")]
+    MocapFrozen,
     /// Motion capture sees one object beside where it is.
-    ViconJump {
+    #[serde(alias = "vicon_jump")]
+    MocapJump {
         /// The object's name.
         object: String,
         /// Shift in the table frame (m).
@@ -113,8 +115,10 @@ pub struct LabConfig {
     pub key: Key,
     /// The period of the gyro's own clock over its nominal period, less one; the unit's manual allows 2 to 3 %.
     pub gyro_clock_error: f64,
-    /// What happens to VICON datagrams on their way; the tracker's own latency is in the plant file.
-    pub vicon: Network,
+    /// The motion capture system.
+    pub tracker: Tracker,
+    /// What happens to its frames on their way; the tracker's own latency is in the plant file.
+    pub mocap: Network,
     /// What happens to gyro lines on their way, beside the time that the serial line takes.
     pub gyro: Network,
     /// What happens to commands on their way to each link.
@@ -134,7 +138,8 @@ impl LabConfig {
             start: Start::default(),
             key,
             gyro_clock_error: 0.025,
-            vicon: Network::default(),
+            tracker: Tracker::default(),
+            mocap: Network::default(),
             gyro: Network::default(),
             link_up: wifi,
             link_down: wifi,
@@ -149,7 +154,7 @@ impl LabConfig {
             return refuse(format!("a gyro clock that is {} off is none", self.gyro_clock_error));
         }
         let networks =
-            [("vicon", self.vicon), ("gyro", self.gyro), ("link_up", self.link_up), ("link_down", self.link_down)];
+            [("mocap", self.mocap), ("gyro", self.gyro), ("link_up", self.link_up), ("link_down", self.link_down)];
         for (name, network) in networks {
             if let Some(fault) = network.fault() {
                 return refuse(format!("network {name}: {fault}"));
@@ -202,7 +207,7 @@ impl FaultKind {
 
     fn object(&self) -> Option<&str> {
         match self {
-            Self::ViconZeros { object } | Self::ViconJump { object, .. } => Some(object),
+            Self::MocapZeros { object } | Self::MocapJump { object, .. } => Some(object),
             _ => None,
         }
     }

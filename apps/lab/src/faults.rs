@@ -33,9 +33,9 @@ pub struct Faults {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Networks {
-    /// VICON datagrams.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub vicon: Option<Network>,
+    /// Frames of motion capture.
+    #[serde(alias = "vicon", skip_serializing_if = "Option::is_none")]
+    pub mocap: Option<Network>,
     /// Gyro lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro: Option<Network>,
@@ -67,7 +67,7 @@ impl Faults {
     /// Puts them into a laboratory.
     pub fn apply_to(&self, config: &mut LabConfig) {
         let ways = [
-            (self.network.vicon, &mut config.vicon),
+            (self.network.mocap, &mut config.mocap),
             (self.network.gyro, &mut config.gyro),
             (self.network.link_up, &mut config.link_up),
             (self.network.link_down, &mut config.link_down),
@@ -95,8 +95,8 @@ impl Faults {
         let wifi = Network { loss: 0.03, duplicate: 0.03, corrupt: 0.01, delay_s: 0.002, jitter_s: 0.03 };
         let cable = Network { loss: 0.01, duplicate: 0.01, corrupt: 0.0, delay_s: 0.0, jitter_s: 0.0005 };
         let serial = Network { corrupt: 0.01, ..Network::default() };
-        let (vicon, gyro, link_up, link_down) = (Some(cable), Some(serial), Some(wifi), Some(wifi));
-        let mut faults = Self { network: Networks { vicon, gyro, link_up, link_down }, fault: Vec::new() };
+        let (mocap, gyro, link_up, link_down) = (Some(cable), Some(serial), Some(wifi), Some(wifi));
+        let mut faults = Self { network: Networks { mocap, gyro, link_up, link_down }, fault: Vec::new() };
         let mut at_s = 0.0;
         loop {
             at_s += random.random_range(0.2..1.8) * every_s;
@@ -107,10 +107,10 @@ impl Faults {
             let thruster = random.random_range(1..=plant.thrusters.len().max(1));
             let shift = || "base".to_owned();
             let kind = match random.random_range(0..10) {
-                0 => FaultKind::ViconSilent,
-                1 => FaultKind::ViconZeros { object: shift() },
-                2 => FaultKind::ViconFrozen,
-                3 => FaultKind::ViconJump { object: shift(), x_m: random.random_range(-1.0..1.0), y_m: 0.3 },
+                0 => FaultKind::MocapSilent,
+                1 => FaultKind::MocapZeros { object: shift() },
+                2 => FaultKind::MocapFrozen,
+                3 => FaultKind::MocapJump { object: shift(), x_m: random.random_range(-1.0..1.0), y_m: 0.3 },
                 4 => FaultKind::GyroSilent,
                 5 => FaultKind::GyroInvalid,
                 6 => FaultKind::EncoderStuck { link },
@@ -119,7 +119,7 @@ impl Faults {
                 _ => FaultKind::ValveStuckShut { thruster },
             };
             // Motion capture that shows the body elsewhere for longer than a reflection lasts is believed by everybody.
-            let longest_s = if matches!(kind, FaultKind::ViconJump { .. }) { 0.15 } else { 0.8 };
+            let longest_s = if matches!(kind, FaultKind::MocapJump { .. }) { 0.15 } else { 0.8 };
             faults.fault.push(Fault { from_s: at_s, to_s: at_s + random.random_range(0.1..longest_s), kind });
         }
     }

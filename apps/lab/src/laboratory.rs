@@ -19,8 +19,8 @@ pub const STEP_NS: u64 = 1_000_000;
 
 /// Takes what the devices send, in the order in which it arrives at the computer.
 pub trait DeviceOutputs {
-    /// A VICON datagram arrives.
-    fn vicon(&mut self, time_ns: u64, datagram: &[u8]);
+    /// A frame of motion capture arrives, as bytes of the tracker's protocol.
+    fn mocap(&mut self, time_ns: u64, datagram: &[u8]);
     /// A piece of the gyro's serial line arrives.
     fn gyro(&mut self, time_ns: u64, bytes: &[u8]);
     /// A telemetry datagram of a link (from 0) arrives at the address from which the link was last commanded.
@@ -30,8 +30,8 @@ pub trait DeviceOutputs {
 /// What went through a laboratory so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Traffic {
-    /// VICON datagrams that arrived.
-    pub vicon: u64,
+    /// Frames of motion capture that arrived.
+    pub mocap: u64,
     /// Gyro lines that arrived.
     pub gyro: u64,
     /// Telemetry datagrams that arrived.
@@ -83,10 +83,10 @@ impl Laboratory {
         let links = 0..plant.link_count();
         let link = |i| Link::new(i, config.key.clone(), random(Stream::Link, i), sensors.link_rate_hz, start_ns);
         Ok(Self {
-            camera: Camera::new(sensors.mocap_rate_hz, plant.target.is_some(), start_ns),
+            camera: Camera::new(config.tracker.clone(), sensors.mocap_rate_hz, plant.target.is_some(), start_ns),
             gyro: Gyro::new(random(Stream::Gyro, 0), &simulation, config.gyro_clock_error, start_ns),
             links: links.clone().map(link).collect(),
-            camera_channel: Channel::new(config.vicon, random(Stream::CameraChannel, 0)),
+            camera_channel: Channel::new(config.mocap, random(Stream::CameraChannel, 0)),
             gyro_channel: Channel::new(config.gyro, random(Stream::GyroChannel, 0)),
             up: links.clone().map(|i| Channel::new(config.link_up, random(Stream::LinkUp, i))).collect(),
             down: links.map(|i| Channel::new(config.link_down, random(Stream::LinkDown, i))).collect(),
@@ -253,8 +253,8 @@ impl Laboratory {
 
     fn deliver(&mut self, outputs: &mut dyn DeviceOutputs) {
         while let Some((at_ns, (), datagram)) = self.camera_channel.arrived(self.now_ns) {
-            self.traffic.vicon += 1;
-            outputs.vicon(at_ns, &datagram);
+            self.traffic.mocap += 1;
+            outputs.mocap(at_ns, &datagram);
         }
         while let Some((at_ns, (), bytes)) = self.gyro_channel.arrived(self.now_ns) {
             self.traffic.gyro += 1;

@@ -10,7 +10,7 @@ use fss_lab::{Fault, FaultKind, LabConfig, LabError, Laboratory, Network, Start}
 fn busy_run(seed: u64) -> common::Heard {
     println!("seed {seed}");
     let bad = Network { loss: 0.1, duplicate: 0.1, corrupt: 0.1, delay_s: 0.001, jitter_s: 0.05 };
-    let config = LabConfig { vicon: bad, gyro: bad, link_up: bad, link_down: bad, ..LabConfig::new(seed, key()) };
+    let config = LabConfig { mocap: bad, gyro: bad, link_up: bad, link_down: bad, ..LabConfig::new(seed, key()) };
     let mut bench = Bench::new(&plant(), config);
     for period in 0..15 {
         bench.laboratory.set_valves(1 << (period % 8));
@@ -23,9 +23,9 @@ fn busy_run(seed: u64) -> common::Heard {
 #[test]
 fn two_laboratories_with_one_seed_send_identical_bytes() {
     let (one, other, third) = (busy_run(7), busy_run(7), busy_run(8));
-    assert!(one.vicon.len() > 250 && one.gyro.len() > 250 && one.links.len() > 20);
+    assert!(one.mocap.len() > 250 && one.gyro.len() > 250 && one.links.len() > 20);
     assert!(one == other);
-    assert!(one.vicon != third.vicon && one.gyro != third.gyro && one.links != third.links);
+    assert!(one.mocap != third.mocap && one.gyro != third.gyro && one.links != third.links);
 }
 
 #[test]
@@ -79,9 +79,9 @@ fn a_configuration_that_makes_no_sense_is_refused_with_its_place() {
     assert!(refusal(LabConfig { link_up: network, ..config() }).contains("link_up"));
     let dead = Fault { from_s: 0.0, to_s: 1.0, kind: FaultKind::LinkDead { link: 5 } };
     assert!(refusal(LabConfig { faults: vec![dead], ..config() }).contains("links are 1 to 4"));
-    let nobody = Fault { from_s: 0.0, to_s: 1.0, kind: FaultKind::ViconZeros { object: "bse".into() } };
+    let nobody = Fault { from_s: 0.0, to_s: 1.0, kind: FaultKind::MocapZeros { object: "bse".into() } };
     assert!(refusal(LabConfig { faults: vec![nobody], ..config() }).contains("base, end_effector, target"));
-    let backwards = Fault { from_s: 2.0, to_s: 1.0, kind: FaultKind::ViconSilent };
+    let backwards = Fault { from_s: 2.0, to_s: 1.0, kind: FaultKind::MocapSilent };
     assert!(refusal(LabConfig { faults: vec![backwards], ..config() }).contains("2 to 1 s"));
     assert!(refusal(LabConfig { gyro_clock_error: -1.0, ..config() }).contains("gyro clock"));
 }
@@ -97,7 +97,7 @@ fn faults_are_read_from_a_mission_file() {
         r#"
         link_up = { loss = 0.1, delay_s = 0.02 }
         [[fault]]
-        kind = { vicon_zeros = { object = "base" } }
+        kind = { mocap_zeros = { object = "base" } }
         from_s = 5
         to_s = 6.5
         [[fault]]
@@ -107,10 +107,10 @@ fn faults_are_read_from_a_mission_file() {
         "#,
     )
     .unwrap();
-    assert_eq!(file.fault[0].kind, FaultKind::ViconZeros { object: "base".into() });
+    assert_eq!(file.fault[0].kind, FaultKind::MocapZeros { object: "base".into() });
     assert_eq!(file.fault[1], Fault { from_s: 10.0, to_s: 12.0, kind: FaultKind::LinkDead { link: 2 } });
     assert_eq!(file.link_up, Network { loss: 0.1, delay_s: 0.02, ..Network::default() });
-    for typo in ["kind = 'vicon_silnt'", "kind = { link_dead = { lnk = 2 } }", "kind = 'gyro_silent'\nuntil_s = 3"] {
+    for typo in ["kind = 'mocap_silnt'", "kind = { link_dead = { lnk = 2 } }", "kind = 'gyro_silent'\nuntil_s = 3"] {
         assert!(toml::from_str::<Fault>(&format!("from_s = 1\nto_s = 2\n{typo}")).is_err(), "{typo}");
     }
 }

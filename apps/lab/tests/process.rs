@@ -4,6 +4,7 @@
 mod common;
 
 use common::{config, key, plant, velocity};
+use fss_bus::launch::Mocap;
 use fss_lab::process::{Addresses, Process};
 use fss_messages::TruthState;
 use fss_wire::dsp3000::Decoder;
@@ -93,10 +94,10 @@ impl Drop for Driver {
     }
 }
 
-fn addresses(folder: &Path, vicon: SocketAddr) -> Addresses {
+fn addresses(folder: &Path, tracker: SocketAddr) -> Addresses {
     let any: SocketAddr = "127.0.0.1:0".parse().unwrap();
     let (gyro, valves) = (folder.join("gyro.tty"), folder.join("valves.sock"));
-    Addresses { vicon, gyro, valves, links: vec![any; 4], shared_table: None }
+    Addresses { mocap: Mocap::vicon(tracker), gyro, valves, links: vec![any; 4], shared_table: None }
 }
 
 fn socket() -> UdpSocket {

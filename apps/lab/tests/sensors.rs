@@ -43,7 +43,7 @@ fn the_cameras_show_where_everything_was_one_latency_ago_within_their_noise() {
     let truths = watch(&mut bench, 5 * S);
     let latency_ms = (plant.sensors.mocap_latency_s * 1e3).round() as u64;
     let mut squares = [0.0; 3];
-    for (time_ns, datagram) in &bench.heard.vicon {
+    for (time_ns, datagram) in &bench.heard.mocap {
         let frame = Frame::decode(datagram).unwrap();
         let truth = &truths[(time_ns / MS - latency_ms) as usize];
         let base = frame.object("base").unwrap();
@@ -60,7 +60,7 @@ fn the_cameras_show_where_everything_was_one_latency_ago_within_their_noise() {
         let target = frame.object("target").unwrap();
         assert!((target.position_m[0] - 1.2).abs() < 6.0 * plant.sensors.mocap_position_m);
     }
-    let frames = bench.heard.vicon.len();
+    let frames = bench.heard.mocap.len();
     assert!((498..=500).contains(&frames), "{frames} frames in 5 s");
     let noise = [plant.sensors.mocap_position_m, plant.sensors.mocap_position_m, plant.sensors.mocap_angle_rad];
     for (sum, noise) in squares.iter().zip(noise) {
@@ -101,10 +101,10 @@ fn the_gyro_sends_what_its_mode_letter_asks_for() {
 fn faults_on_purpose_begin_and_end_on_time() {
     let fault = |from_s, to_s, kind| Fault { from_s, to_s, kind };
     let faults = vec![
-        fault(1.0, 1.1, FaultKind::ViconZeros { object: "base".into() }),
-        fault(2.0, 2.1, FaultKind::ViconSilent),
-        fault(3.0, 3.1, FaultKind::ViconFrozen),
-        fault(4.0, 4.1, FaultKind::ViconJump { object: "base".into(), x_m: 1.0, y_m: 0.0 }),
+        fault(1.0, 1.1, FaultKind::MocapZeros { object: "base".into() }),
+        fault(2.0, 2.1, FaultKind::MocapSilent),
+        fault(3.0, 3.1, FaultKind::MocapFrozen),
+        fault(4.0, 4.1, FaultKind::MocapJump { object: "base".into(), x_m: 1.0, y_m: 0.0 }),
         fault(1.0, 1.5, FaultKind::GyroInvalid),
         fault(2.0, 2.5, FaultKind::GyroSilent),
     ];
@@ -114,7 +114,7 @@ fn faults_on_purpose_begin_and_end_on_time() {
     let latency_ns = (plant.sensors.mocap_latency_s * 1e9) as u64;
     let within = |time_ns: u64, from_s: f64, to_s: f64| (from_s..to_s).contains(&((time_ns - latency_ns) as f64 / 1e9));
     let mut numbers = Vec::new();
-    for (time_ns, datagram) in &bench.heard.vicon {
+    for (time_ns, datagram) in &bench.heard.mocap {
         let frame = Frame::decode(datagram).unwrap();
         let base = frame.object("base").unwrap();
         assert_eq!(base.is_tracked(), !within(*time_ns, 1.0, 1.1), "at {time_ns} ns");
@@ -136,18 +136,18 @@ fn faults_on_purpose_begin_and_end_on_time() {
 
 #[test]
 fn a_lossy_network_loses_doubles_and_delays_what_the_cameras_send() {
-    let vicon = Network { loss: 0.2, duplicate: 0.1, delay_s: 0.05, ..Network::default() };
-    let mut bench = Bench::new(&plant(), LabConfig { vicon, ..config() });
+    let mocap = Network { loss: 0.2, duplicate: 0.1, delay_s: 0.05, ..Network::default() };
+    let mut bench = Bench::new(&plant(), LabConfig { mocap, ..config() });
     bench.wait(10 * S);
     let numbers: Vec<_> =
-        bench.heard.vicon.iter().map(|(_, datagram)| Frame::decode(datagram).unwrap().number()).collect();
+        bench.heard.mocap.iter().map(|(_, datagram)| Frame::decode(datagram).unwrap().number()).collect();
     let doubled = numbers.windows(2).filter(|pair| pair[0] == pair[1]).count();
     // 1000 frames, 10 % of them twice, 20 % of all copies lost.
     assert!((820..940).contains(&numbers.len()), "{} arrived", numbers.len());
     assert!((30..100).contains(&doubled), "{doubled} came twice");
     let first = numbers[0];
     assert_eq!(
-        bench.heard.vicon[0].0,
+        bench.heard.mocap[0].0,
         u64::from(first) * 10 * MS + 8 * MS + 50 * MS,
         "the network's delay comes on top"
     );

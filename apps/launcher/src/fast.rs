@@ -11,8 +11,8 @@ use crate::summary::Records;
 use fss_bus::launch::{BRIDGE, GROUND, Schedule};
 use fss_bus::virtual_time::{self, Tick};
 use fss_bus::{Bus, BusError, Feed, InputPort, Latest, Output, OutputPort, Queue, Runner, Time};
-use fss_fusion::device::{ObjectNames, decode_vicon, gyro_packet};
-use fss_fusion::{GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
+use fss_fusion::device::{gyro_packet, packet};
+use fss_fusion::{GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
 use fss_lab::{DeviceOutputs, LabConfig, Laboratory, TRUTH_PERIOD_NS};
 use fss_links::{COMMAND_QUEUE, CommandDatagram, TELEMETRY_QUEUE, TelemetryDatagram};
 use fss_messages::{MissionState, TruthState, topic};
@@ -23,6 +23,7 @@ use fss_service::topics_of;
 use fss_thrusters::VALVES_QUEUE;
 use fss_wire::dsp3000;
 use fss_wire::link::Key;
+use fss_wire::mocap::{Reader, Sighting};
 use miette::{IntoDiagnostic, Result, miette};
 use std::cell::RefCell;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -166,8 +167,8 @@ struct VirtualLaboratory {
 }
 
 struct Wires {
-    names: ObjectNames,
-    vicon: Queue<MocapPacket>,
+    reader: Reader,
+    mocap: Queue<MocapPacket>,
     gyro: Queue<GyroPacket>,
     decoder: dsp3000::Decoder,
     telemetry: Queue<TelemetryDatagram>,
@@ -177,14 +178,16 @@ impl VirtualLaboratory {
     fn new(stack: &Stack, plant: &Plant, bus: &Bus, seed: u64) -> Result<Self> {
         let mut config = LabConfig::new(seed, Key::new(&secret_of(seed)).into_diagnostic()?);
         config.start = start_of(&stack.mission, plant, seed);
+        config.tracker = stack.launch.devices.mocap.tracker();
         stack.faults.apply_to(&mut config);
-        let wires = Wires {
-            names: ObjectNames::default(),
-            vicon: queue(bus, VICON_QUEUE)?,
+        let mut wires = Wires {
+            reader: Reader::new(config.tracker.clone()),
+            mocap: queue(bus, MOCAP_QUEUE)?,
             gyro: queue(bus, GYRO_QUEUE)?,
             decoder: dsp3000::Decoder::new(),
             telemetry: queue(bus, TELEMETRY_QUEUE)?,
         };
+        wires.mocap(0, &config.tracker.introduction());
         Ok(Self {
             laboratory: Laboratory::new(plant, config, 0).into_diagnostic()?,
             wires,
@@ -220,10 +223,13 @@ impl Tick for VirtualLaboratory {
 }
 
 impl DeviceOutputs for Wires {
-    fn vicon(&mut self, time_ns: u64, datagram: &[u8]) {
-        if let Some(packet) = decode_vicon(datagram, &self.names, time_ns) {
-            self.vicon.force_push(packet);
-        }
+    fn mocap(&mut self, time_ns: u64, bytes: &[u8]) {
+        let queue = &self.mocap;
+        let hand_over = |sighting: Sighting| {
+            queue.force_push(packet(&sighting, time_ns));
+        };
+        // What the network has damaged is lost.
+        let _ = self.reader.read(bytes, hand_over);
     }
 
     fn gyro(&mut self, time_ns: u64, bytes: &[u8]) {

@@ -86,7 +86,7 @@ pub fn lab(args: &SiteArgs) -> Result<()> {
     site.stack.faults.apply_to(&mut config);
     let devices = &site.launch.devices;
     let addresses = Addresses {
-        vicon: devices.vicon,
+        mocap: devices.mocap.clone(),
         gyro: devices.gyro.clone(),
         valves: devices.valves.clone(),
         links: devices.links.clone(),

@@ -65,10 +65,14 @@ fn linked(service: &Schedule, file: &TextFile) -> Result<Option<ProgramEntry>> {
     }
 }
 
-/// The absolute path of a program that can be started.
+/// The absolute path of a program that can be started: from the launch file's folder, or, by its bare name, one of those beside fss.
 fn locate(program: &Path, launch_file: &Path, at: impl Fn(String, &str) -> Report) -> Result<PathBuf> {
     let folder = launch_file.parent().unwrap_or(Path::new(""));
-    let path = std::path::absolute(folder.join(program)).into_diagnostic()?;
+    let mut path = std::path::absolute(folder.join(program)).into_diagnostic()?;
+    let own = std::env::current_exe().into_diagnostic()?;
+    if !path.exists() && program.components().count() == 1 && own.with_file_name(program).is_file() {
+        path = own.with_file_name(program);
+    }
     let Ok(meta) = path.metadata() else {
         let help = "build it, or correct the path, which is taken from the launch file's folder";
         return Err(at(format!("there is no program {}", path.display()), help));

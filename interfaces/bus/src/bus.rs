@@ -32,6 +32,8 @@ pub struct Neighbours {
     pub target: Option<String>,
     /// The topics of this stack that others may hear.
     pub shared: Vec<String>,
+    /// The topics of this stack that nodes of ROS 2 see, or that standard messages are made of.
+    pub ros2: Vec<String>,
     /// The topics of others that are heard here, in the names of their vehicles.
     pub heard: Vec<ForeignTopic>,
 }

@@ -1,8 +1,14 @@
 //! The launch file: which services run, at what rates, with what priority, on which core. Nothing else decides that.
 
 mod bridge;
+mod devices;
+mod mocap;
+mod ros2;
 
 pub use bridge::{Bridge, ForeignTopic};
+pub use devices::Devices;
+pub use mocap::{Mocap, Natnet, Transport, Vicon, Vrpn};
+pub use ros2::Ros2;
 
 use crate::shared::READERS;
 use serde::Deserialize;
@@ -41,33 +47,12 @@ pub struct Launch {
     /// What passes between this vehicle and others.
     #[serde(default)]
     pub bridge: Option<Bridge>,
+    /// What nodes of ROS 2 see; absent: nothing.
+    #[serde(default)]
+    pub ros2: Option<Ros2>,
     /// The services in the order of their start; they stop in the opposite order.
     #[serde(rename = "service")]
     pub services: Vec<Schedule>,
-}
-
-/// Where the devices are: the addresses at which services, or the simulated laboratory, find each other.
-///
-/// A path that is not absolute is taken from the folder of the run.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Devices {
-    /// UDP address at which `fusion` receives motion capture.
-    pub vicon: SocketAddr,
-    /// The gyro's serial port.
-    pub gyro: PathBuf,
-    /// The valve line: a Unix socket of the simulated laboratory, or a GPIO chip where `valve_lines` is given.
-    pub valves: PathBuf,
-    /// The lines of the GPIO chip, thruster 1 first.
-    #[serde(default)]
-    pub valve_lines: Option<Vec<u32>>,
-    /// UDP address from which `links` speaks.
-    pub links_local: SocketAddr,
-    /// UDP address of each link, joint 1 first.
-    pub links: Vec<SocketAddr>,
-    /// File with the key that authenticates commands to the links; without it a key is made for the run.
-    #[serde(default)]
-    pub link_key: Option<PathBuf>,
 }
 
 /// Where a log ends and another begins.
@@ -313,6 +298,7 @@ impl Launch {
         }
         self.check_origins()?;
         self.check_shared_table()?;
+        self.check_ros2()?;
         self.check_neighbours()
     }
 

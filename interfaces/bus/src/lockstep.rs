@@ -6,7 +6,7 @@
 //! happen to run.
 
 use crate::{Batch, Bus, BusError, InputPort, Latest, Output, OutputPort, RawBatch, RawOutput, RawTopic, Run, Time};
-use fss_messages::topic::{STEPS, Topic};
+use fss_messages::topic::{EVENTS, STEPS, Topic};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -106,12 +106,13 @@ impl Leader {
         let join = |from: &Bus, to: &Bus, topic: &RawTopic| {
             Ok((RawBatch::open(from, topic, Batch::<Turn>::CAPACITY)?, RawOutput::open(to, topic)?))
         };
-        let steps = RawTopic::of(STEPS);
+        // What every service says beside its outputs.
+        let own = [RawTopic::of(STEPS), RawTopic::of(EVENTS)];
         Ok(Self {
             inputs: inputs.iter().map(|topic| join(run, follower, topic)).collect::<Result<_, BusError>>()?,
             outputs: outputs
                 .iter()
-                .chain([&steps])
+                .chain(&own)
                 .map(|topic| join(follower, run, topic))
                 .collect::<Result<_, BusError>>()?,
             turns: Output::open(follower, TURN)?,

@@ -29,6 +29,18 @@ impl<'a> Reader<'a> {
         self.array().map(u32::from_le_bytes)
     }
 
+    pub(crate) fn u32_be(&mut self) -> Option<u32> {
+        self.array().map(u32::from_be_bytes)
+    }
+
+    /// A text that ends with a NUL, without it.
+    pub(crate) fn text(&mut self) -> Option<&'a [u8]> {
+        let len = self.0.iter().position(|byte| *byte == 0)?;
+        let text = self.slice(len)?;
+        self.u8()?;
+        Some(text)
+    }
+
     pub(crate) fn u64(&mut self) -> Option<u64> {
         self.array().map(u64::from_le_bytes)
     }

@@ -2,7 +2,10 @@
 //!
 //! | module | device | transport |
 //! | --- | --- | --- |
-//! | [`vicon`] | overhead motion capture | UDP, the Tracker object stream |
+//! | [`mocap`] | overhead motion capture, whoever made it | one of the next three |
+//! | [`vicon`] | VICON | UDP, the Tracker object stream |
+//! | [`natnet`] | OptiTrack | UDP, NatNet 3 and 4, unicast or multicast |
+//! | [`vrpn`] | trackers behind VRPN | TCP, or UDP for the poses |
 //! | [`dsp3000`] | fibre-optic gyro KVH DSP-3000 | RS-232, 38400 8N1, ASCII lines |
 //! | [`link`] | one modular arm link | UDP, a datagram of our own |
 //! | [`valves`] | the thruster valves of the simulated laboratory | Unix stream, 8-byte frames |
@@ -11,7 +14,7 @@
 //!
 //! Each module has an encoder and a decoder, because the laboratory speaks as the device and a service listens. Decoders
 //! take whatever arrives: they never panic, never allocate, look at a bounded number of bytes, and name what is wrong.
-//! All numbers on the wire are little endian and packed. No socket, file or clock is touched here.
+//! Numbers on the wire are little endian and packed, but for VRPN's. No socket, file or clock is touched here.
 
 #![forbid(unsafe_code)]
 
@@ -19,6 +22,9 @@ pub mod bridge;
 mod bytes;
 pub mod dsp3000;
 pub mod link;
+pub mod mocap;
+pub mod natnet;
 pub mod shared_table;
 pub mod valves;
 pub mod vicon;
+pub mod vrpn;

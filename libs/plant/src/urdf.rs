@@ -28,6 +28,28 @@ pub fn joint_name(number: usize) -> String {
     format!("joint_{number}")
 }
 
+/// The arm's joints by name, the frames that they move and then the end-effector's, and where each frame is in the one
+/// before it with encoders at zero: x m, y m, rad.
+pub struct ArmFrames {
+    /// Names of the joints.
+    pub joints: Vec<String>,
+    /// Names of the frames.
+    pub links: Vec<String>,
+    /// Their places.
+    pub origins: Vec<[f64; 3]>,
+}
+
+impl ArmFrames {
+    /// Of a plant's first `most` links.
+    pub fn of(plant: &Plant, most: usize) -> Self {
+        let count = plant.link_count().min(most);
+        let mut origins: Vec<_> = (0..count).map(|i| joint_origin(plant, i)).collect();
+        origins.extend(plant.links[..count].last().map(|link| [link.length_m, 0.0, 0.0]));
+        let links = (1..=count).map(link_name).chain([END_EFFECTOR.to_owned()]).collect();
+        Self { joints: (1..=count).map(joint_name).collect(), links, origins }
+    }
+}
+
 /// Where a link's frame is in the one before it with its encoder at zero, from 0: x m, y m, angle rad.
 pub fn joint_origin(plant: &Plant, link: usize) -> [f64; 3] {
     let offset_rad = plant.links[link].joint_offset_rad;

@@ -7,6 +7,8 @@
 //! `/target/nav/state`, times on the other host's clock and all; `/target/peer` ([`PeerState`](fss_messages::PeerState)) says what brings them to the clock of
 //! this host, and how the vehicle is heard.
 //!
+//! The launch file's `[ros2]` says what nodes of ROS 2 see of this stack ([`ros2`]).
+//!
 //! No service of this stack obeys what is published in another vehicle's name. The bridge never runs in real time, its
 //! queues are bounded and lose their oldest, and no other process waits for it: a vehicle flies on when it is gone.
 
@@ -14,8 +16,9 @@ pub mod clock;
 pub mod device;
 pub mod gate;
 mod ports;
+pub mod ros2;
 
-pub use ports::{HEARD_QUEUE, Heard, Inputs, MAX_SAMPLE, Outputs, Parcel, SAID_QUEUE, Said};
+pub use ports::{HEARD_QUEUE, Heard, Inputs, MAX_SAMPLE, Outputs, Parcel, ROS2_QUEUE, SAID_QUEUE, Said};
 
 use fss_bus::launch::ForeignTopic;
 use fss_bus::{Neighbours, Queue, Service, Time};
@@ -29,7 +32,7 @@ use std::time::Duration;
 const TELL_PERIOD_NS: u64 = 200_000_000;
 
 /// How patient the bridge is.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Patience {
     /// Samples that are older when they come are refused.
     pub max_age: Duration,
@@ -133,6 +136,11 @@ impl Bridge {
 
     /// Hands on what is shared.
     fn give(&mut self, inputs: &Inputs, outputs: &mut Outputs) {
+        for (topic, shared) in inputs.ros2.iter().enumerate() {
+            let layout = shared.layout();
+            shared
+                .each(&mut |sample| outputs.ros2.send(Said { parcel: Parcel::new(topic, sample), layout, number: 0 }));
+        }
         for (topic, (shared, number)) in inputs.shared.iter().zip(&mut self.numbers).enumerate() {
             let layout = shared.layout();
             shared.each(&mut |sample| {

@@ -1,11 +1,13 @@
-//! `fss-bridge`: samples to and from other vehicles, as a program of its own. The launcher starts it as `fss service bridge`.
+//! `fss-bridge`: samples to and from other vehicles, and to nodes of ROS 2, as a program of its own. The launcher starts it as `fss service bridge`.
 
 use clap::Parser;
 use crossbeam::queue::ArrayQueue;
 use fss_bridge::device::{Device, Network};
-use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, SAID_QUEUE};
+use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, ROS2_QUEUE, SAID_QUEUE, ros2};
 use fss_bus::Service;
-use fss_service::{Process, SiteArgs, explain_errors};
+use fss_bus::launch::Ros2;
+use fss_plant::Plant;
+use fss_service::{PLANT_FILE, Process, SiteArgs, explain_errors};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -23,24 +25,31 @@ fn main() -> Result<()> {
     explain_errors();
     tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(EnvFilter::from_default_env()).init();
     let site = Process::open(Bridge::NAME, &Cli::parse().site)?;
-    let endpoints = site.launch.bridge.clone().ok_or_else(|| miette!("the launch file has no [bridge]"))?;
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     let session = since.into_diagnostic().wrap_err("the calendar clock is unset")?.as_nanos() as u64;
     let neighbours = site.bus.neighbours();
     let (line, words) = (Line::default(), Arc::new(ArrayQueue::new(16)));
-    let patience = Patience { max_age: endpoints.max_age(), silent_after: endpoints.silent_after() };
+    let endpoints = site.launch.bridge.clone();
+    let patience = endpoints.as_ref().map_or_else(Patience::default, |endpoints| Patience {
+        max_age: endpoints.max_age(),
+        silent_after: endpoints.silent_after(),
+    });
     let bridge = Bridge::new(neighbours, patience, line.clone(), words.clone());
-    let _network = Device::start(Network {
-        vehicle: site.launch.vehicle.clone(),
-        session,
-        endpoints,
-        receive: neighbours.received().cloned().collect(),
-        said: site.queue(SAID_QUEUE)?,
-        heard: site.queue(HEARD_QUEUE)?,
-        words,
-        line,
-    })
-    .into_diagnostic()?;
+    let network = |endpoints| -> Result<Device> {
+        let (vehicle, receive) = (site.launch.vehicle.clone(), neighbours.received().cloned().collect());
+        let (said, heard) = (site.queue(SAID_QUEUE)?, site.queue(HEARD_QUEUE)?);
+        let (line, words) = (line.clone(), words.clone());
+        Device::start(Network { vehicle, session, endpoints, receive, said, heard, words, line }).into_diagnostic()
+    };
+    let _network = endpoints.map(network).transpose()?;
+    let nodes = |ros2: Ros2| -> Result<ros2::Device> {
+        let plant = Plant::parse(&site.read(PLANT_FILE)?).map_err(|e| miette!("{PLANT_FILE}: {e}"))?;
+        let vehicle = site.launch.vehicle.clone();
+        let said = site.queue(ROS2_QUEUE)?;
+        ros2::Device::start(ros2::Nodes::new(vehicle, ros2, &plant, said, words.clone(), line.clone()))
+            .into_diagnostic()
+    };
+    let _nodes = site.launch.ros2.clone().map(nodes).transpose()?;
     site.fly(bridge, || ())?;
     Ok(())
 }

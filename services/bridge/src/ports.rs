@@ -10,6 +10,8 @@ use fss_messages::{Event, PeerState, Sample};
 pub const HEARD_QUEUE: &str = "bridge.heard";
 /// Device queue of what goes to the network.
 pub const SAID_QUEUE: &str = "bridge.said";
+/// Device queue of what goes to nodes of ROS 2.
+pub const ROS2_QUEUE: &str = "bridge.ros2";
 /// Room for the longest sample, bytes.
 pub const MAX_SAMPLE: usize = 2048;
 
@@ -65,6 +67,7 @@ pub struct Said {
 /// What the bridge reads: the topics that are shared, and what comes from the network.
 pub struct Inputs {
     pub(crate) shared: Vec<Box<dyn SharedTopic>>,
+    pub(crate) ros2: Vec<Box<dyn SharedTopic>>,
     /// What came from other vehicles.
     pub(crate) heard: Feed<Heard>,
 }
@@ -147,18 +150,23 @@ impl InputPorts for Inputs {
     const NAMES: &'static [&'static str] = &["heard", "shared"];
 
     fn open(bus: &Bus) -> Result<Self, BusError> {
-        let mut shared = Vec::new();
-        for name in &bus.neighbours().shared {
-            let mut opener = Opener::<dyn SharedTopic> { bus, name, port: None };
-            topic::visit(&mut opener);
-            shared.extend(opener.port.transpose()?);
-        }
-        Ok(Self { shared, heard: Feed::open(bus, HEARD_QUEUE)? })
+        let open = |names: &[String]| {
+            let mut ports = Vec::new();
+            for name in names {
+                let mut opener = Opener::<dyn SharedTopic> { bus, name, port: None };
+                topic::visit(&mut opener);
+                ports.extend(opener.port.transpose()?);
+            }
+            Ok::<_, BusError>(ports)
+        };
+        let neighbours = bus.neighbours();
+        let (shared, ros2) = (open(&neighbours.shared)?, open(&neighbours.ros2)?);
+        Ok(Self { shared, ros2, heard: Feed::open(bus, HEARD_QUEUE)? })
     }
 
     fn refresh(&mut self) {
         self.heard.refresh();
-        for topic in &mut self.shared {
+        for topic in self.shared.iter_mut().chain(&mut self.ros2) {
             topic.refresh();
         }
     }
@@ -183,6 +191,7 @@ pub struct Outputs {
     /// In the order in which the vehicles occur there.
     pub(crate) peers: Vec<Output<PeerState>>,
     pub(crate) said: DeviceOutput<Said>,
+    pub(crate) ros2: DeviceOutput<Said>,
     pub(crate) events: Output<Event>,
 }
 
@@ -202,12 +211,13 @@ impl OutputPorts for Outputs {
             heard,
             peers: vehicles.iter().map(peer_port).collect::<Result<_, _>>()?,
             said: DeviceOutput::open(bus, SAID_QUEUE)?,
+            ros2: DeviceOutput::open(bus, ROS2_QUEUE)?,
             events: Output::open(bus, topic::EVENTS)?,
         })
     }
 
     fn flush(&mut self, now: Time) -> u64 {
         let peers: u64 = self.peers.iter_mut().map(|peer| peer.flush(now)).sum();
-        peers + self.said.flush(now) + self.events.flush(now)
+        peers + self.said.flush(now) + self.ros2.flush(now) + self.events.flush(now)
     }
 }

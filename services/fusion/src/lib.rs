@@ -16,7 +16,7 @@ use fss_plant::Plant;
 use std::f64::consts::TAU;
 
 /// Queue of motion capture frames.
-pub const VICON_QUEUE: &str = "fusion.vicon";
+pub const MOCAP_QUEUE: &str = "fusion.mocap";
 /// Queue of gyro readings.
 pub const GYRO_QUEUE: &str = "fusion.gyro";
 
@@ -65,7 +65,7 @@ inputs! {
     /// What the service reads.
     pub struct Inputs {
         /// Motion capture.
-        vicon: Feed<MocapPacket> = VICON_QUEUE,
+        mocap: Feed<MocapPacket> = MOCAP_QUEUE,
         /// Gyro.
         gyro: Feed<GyroPacket> = GYRO_QUEUE,
     }
@@ -319,7 +319,7 @@ impl Service for Fusion {
         for packet in inputs.gyro.messages() {
             self.take_gyro(packet, outputs);
         }
-        for packet in inputs.vicon.messages() {
+        for packet in inputs.mocap.messages() {
             self.take_mocap(packet, outputs);
         }
         self.advance(Time::from_ns(now.ns().saturating_sub(LONGEST_WAIT_NS)));

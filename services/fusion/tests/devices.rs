@@ -1,9 +1,10 @@
 //! The device threads: what comes over the network and the serial line reaches the queues, and what cannot be opened says so.
 #![allow(clippy::unwrap_used)]
 
+use fss_bus::launch::Mocap;
 use fss_bus::{Bus, Queue, realtime};
-use fss_fusion::device::{ObjectNames, read_gyro, receive_vicon};
-use fss_fusion::{GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
+use fss_fusion::device::{read_gyro, receive_mocap};
+use fss_fusion::{GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
 use fss_wire::dsp3000::{Line, Reading};
 use fss_wire::vicon::{self, Object};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -39,9 +40,9 @@ fn datagram(frame: u32, name: &str, x_m: f64) -> Vec<u8> {
 
 #[test]
 fn motion_capture_arrives_by_name_and_nonsense_does_not() {
-    let queue: Queue<MocapPacket> = Bus::local().queue(VICON_QUEUE, 64).unwrap();
+    let queue: Queue<MocapPacket> = Bus::local().queue(MOCAP_QUEUE, 64).unwrap();
     let (address, stop) = (free_address(), Arc::new(AtomicBool::new(false)));
-    let thread = receive_vicon(address, ObjectNames::default(), queue.clone(), stop.clone(), false).unwrap();
+    let thread = receive_mocap(&Mocap::vicon(address), queue.clone(), stop.clone(), false).unwrap();
     let tracker = UdpSocket::bind("127.0.0.1:0").unwrap();
     let before_ns = realtime::now().unwrap().ns();
     for bytes in [b"nonsense".to_vec(), Vec::new(), datagram(7, "base", 0.1), datagram(8, "wand", 0.1)] {
@@ -60,8 +61,8 @@ fn motion_capture_arrives_by_name_and_nonsense_does_not() {
 #[test]
 fn a_busy_port_is_refused() {
     let held = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let queue = Bus::local().queue(VICON_QUEUE, 64).unwrap();
-    let result = receive_vicon(held.local_addr().unwrap(), ObjectNames::default(), queue, Arc::default(), false);
+    let queue = Bus::local().queue(MOCAP_QUEUE, 64).unwrap();
+    let result = receive_mocap(&Mocap::vicon(held.local_addr().unwrap()), queue, Arc::default(), false);
     assert_eq!(result.unwrap_err().kind(), ErrorKind::AddrInUse);
 }
 

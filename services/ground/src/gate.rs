@@ -66,6 +66,8 @@ struct Shared {
     /// Samples that slow viewers have lost and that are not told yet.
     lost: AtomicU64,
     words: Queue<String>,
+    /// What `GET /metrics` answers.
+    metrics: Mutex<String>,
     last_word: Mutex<Option<Instant>>,
 }
 
@@ -81,6 +83,7 @@ impl Gate {
             viewers: Mutex::default(),
             lost: AtomicU64::new(0),
             words: Arc::new(ArrayQueue::new(WORDS)),
+            metrics: Mutex::default(),
             last_word: Mutex::default(),
         });
         let admits = shared.clone();
@@ -90,6 +93,11 @@ impl Gate {
 
     pub(crate) fn port(&self) -> u16 {
         self.port
+    }
+
+    /// What is answered from now on to those who ask for metrics.
+    pub(crate) fn set_metrics(&self, text: String) {
+        *lock(&self.shared.metrics) = text;
     }
 
     /// How many samples slow viewers have lost since this was asked last.
@@ -142,8 +150,17 @@ impl Shared {
         }
         match verdict.refusal() {
             Some((status, why)) => refuse(outside, status, &why),
+            None if request.starts_with(b"GET /metrics ") => self.show_metrics(outside),
             None => self.pass_on(outside, &request),
         }
+    }
+
+    /// Answers in Prometheus' text format.
+    fn show_metrics(&self, mut outside: &TcpStream) -> io::Result<()> {
+        let text = lock(&self.metrics).clone();
+        let head =
+            "HTTP/1.1 200 OK\r\nContent-Type: text/plain; version=0.0.4\r\nConnection: close\r\nContent-Length: ";
+        write!(outside, "{head}{}\r\n\r\n{text}", text.len())
     }
 
     /// Reads the request, and what may have come behind it already.

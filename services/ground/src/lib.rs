@@ -13,12 +13,11 @@
 //! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
 //! slow client does not fetch is dropped from that client's own bounded queue, counted and said.
 
-mod cdr;
 mod downlink;
 mod frames;
 mod gate;
+mod metrics;
 mod overflow;
-mod ros;
 mod scene;
 mod server;
 mod topics;
@@ -33,6 +32,7 @@ use frames::Frames;
 use fss_bus::{Bus, BusError, Output, OutputPort, Service, Time, outputs};
 use fss_messages::{Event, MissionCommand, Parameters, topic};
 use fss_plant::Plant;
+use metrics::Metrics;
 use scene::Scene;
 use server::Server;
 use uplink::{Outlets, Uplink};
@@ -75,6 +75,7 @@ pub struct Ground {
     scene: Scene,
     uplink: Uplink,
     server: Server,
+    metrics: Metrics,
     /// What is to be said of the address, once.
     address: Option<String>,
 }
@@ -93,7 +94,7 @@ impl Ground {
         let server = Server::start(config, &context, &uplink, bus)?;
         let what = if config.commands { "and takes commands" } else { "and only shows" };
         let address = Some(format!("listens at {}:{} {what}", config.listen.ip(), server.port()));
-        Ok(Self { downlink, frames, scene, uplink, server, address })
+        Ok(Self { downlink, frames, scene, uplink, server, metrics: Metrics::default(), address })
     }
 
     /// Says goodbye to the clients.
@@ -112,6 +113,9 @@ impl Service for Ground {
         self.downlink.send(inputs);
         self.frames.send(now, inputs);
         self.scene.send(now, inputs);
+        if let Some(text) = self.metrics.learn(now, inputs) {
+            self.server.set_metrics(text);
+        }
         let Outputs { parameters, mission, events, lost } = outputs;
         lost.0 += self.server.lost();
         self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });

@@ -1,7 +1,7 @@
 //! What decorates a three-dimensional view, slowly: the table, the plumes of open valves, the target.
 
 use crate::downlink::at;
-use crate::frames::{TABLE, TARGET, vehicle_prefix};
+use crate::frames::{TARGET, vehicle_prefix};
 use crate::topics::AllTopics;
 use foxglove::messages::{
     Color, CylinderPrimitive, Duration, LinePrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate, Timestamp,
@@ -12,6 +12,7 @@ use fss_bus::{Bus, Time};
 use fss_messages::topic;
 use fss_plant::Plant;
 use fss_plant::urdf::{ARM_HEIGHT_M, BASE};
+use fss_ros2::robot::TABLE;
 use std::sync::Arc;
 
 /// Between two pictures of the plumes, ns.

@@ -105,6 +105,11 @@ impl Server {
         self.gate.port()
     }
 
+    /// What is answered from now on to those who ask for metrics.
+    pub(crate) fn set_metrics(&self, text: String) {
+        self.gate.set_metrics(text);
+    }
+
     /// How many samples slow viewers have lost since this was asked last.
     pub(crate) fn lost(&self) -> u64 {
         self.gate.lost()

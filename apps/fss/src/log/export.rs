@@ -31,6 +31,8 @@ enum Format {
     Parquet,
     /// One MATLAB file, with a struct a topic: nav_state.x_m is a column vector, links_state.q_rad a matrix.
     Matlab,
+    /// One trace of steps, deadlines, overruns and events, for <https://ui.perfetto.dev>.
+    Perfetto,
 }
 
 /// Runs the command.
@@ -38,6 +40,12 @@ pub fn run(args: &ExportArgs) -> Result<()> {
     let log = Log::open(&args.log).into_diagnostic()?;
     let out = &args.out;
     std::fs::create_dir_all(out).into_diagnostic().wrap_err_with(|| format!("cannot make {}", out.display()))?;
+    if args.format == Format::Perfetto {
+        let path = out.join(args.log.file_stem().unwrap_or_else(|| "log".as_ref())).with_extension("perfetto.json");
+        let steps = super::perfetto::write(&log, &path)?;
+        say!("{} ({steps} steps)", path.display());
+        return Ok(());
+    }
     let topics = log.topics().into_diagnostic()?;
     if args.format == Format::Matlab {
         let name = args.log.file_stem().unwrap_or_else(|| "log".as_ref());

@@ -18,6 +18,8 @@ pub(super) enum Line {
     Valves,
     Gyro,
     SharedTable,
+    /// Those who ask the tracker.
+    Tracker,
     /// Of a link, from 0.
     Link(usize),
 }
@@ -30,7 +32,8 @@ impl Line {
             Line::Valves => 1 << 1,
             Line::Gyro => 1 << 2,
             Line::SharedTable => 1 << 3,
-            Line::Link(link) => 1 << link.saturating_add(4).min(63),
+            Line::Tracker => 1 << 4,
+            Line::Link(link) => 1 << link.saturating_add(5).min(63),
         }
     }
 }

@@ -1,17 +1,19 @@
 //! The laboratory in real time: a clock, sockets, a pseudo-terminal.
 //!
-//! [`Process`] steps the [`Laboratory`] to the monotonic clock once a millisecond, sends VICON datagrams, writes the gyro's
+//! [`Process`] steps the [`Laboratory`] to the monotonic clock once a millisecond, speaks as the tracker, writes the gyro's
 //! terminal, serves each link at an address of its own, and follows the valve line. Nothing in it blocks: what a reader
 //! does not take is lost, as on a real line. Sockets and links in the file system vanish with it.
 
 mod arrivals;
 mod table_line;
 mod terminal;
+mod tracker_line;
 mod valve_line;
 
 use crate::laboratory::{DeviceOutputs, Laboratory, STEP_NS};
 use crate::{LabConfig, LabError, TRUTH_PERIOD_NS};
 use arrivals::{Arrivals, Line};
+use fss_bus::launch::Mocap;
 use fss_bus::{Time, realtime};
 use fss_messages::TruthState;
 use fss_plant::Plant;
@@ -20,6 +22,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use table_line::TableLine;
 use terminal::Terminal;
+use tracker_line::TrackerLine;
 use valve_line::ValveLine;
 
 /// Longest datagram that is read; what is longer is none of ours.
@@ -29,10 +32,10 @@ const MAX_COMMAND_LEN: usize = 256;
 const MAX_COMMANDS_PER_STEP: usize = 16;
 
 /// Where the devices are for the rest of the world.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Addresses {
-    /// Where VICON datagrams go.
-    pub vicon: SocketAddr,
+    /// Where motion capture is heard, or asked for.
+    pub mocap: Mocap,
     /// Where a symbolic link to the gyro's terminal is put.
     pub gyro: PathBuf,
     /// Where the valve line's Unix socket is put.
@@ -70,8 +73,7 @@ pub struct Process {
 /// What bytes leave by.
 #[derive(Debug)]
 struct Ports {
-    vicon: UdpSocket,
-    vicon_to: SocketAddr,
+    tracker: TrackerLine,
     gyro: Terminal,
     links: Vec<UdpSocket>,
     warned: bool,
@@ -84,16 +86,14 @@ impl Process {
             let (given, needed) = (addresses.links.len(), plant.link_count());
             return Err(LabError::Config { what: format!("{given} link addresses for a plant with {needed} links") });
         }
+        let arrivals = Arrivals::new()?;
         let links = addresses.links.iter().zip(1..).map(|(address, link)| bind(*address, format!("link {link}")));
-        let vicon_from = SocketAddr::new(local_ip(addresses.vicon.ip()), 0);
         let ports = Ports {
             links: links.collect::<Result<_, _>>()?,
-            vicon: bind(vicon_from, "motion capture".to_owned())?,
-            vicon_to: addresses.vicon,
+            tracker: TrackerLine::open(&addresses.mocap, &arrivals)?,
             gyro: Terminal::open(&addresses.gyro)?,
             warned: false,
         };
-        let arrivals = Arrivals::new()?;
         let valve_line = ValveLine::open(&addresses.valves, &arrivals)?;
         let table_line = addresses.shared_table.map(|[here, there]| TableLine::open(here, there)).transpose()?;
         arrivals.watch(ports.gyro.line(), Line::Gyro).map_err(LabError::Watch)?;
@@ -104,6 +104,7 @@ impl Process {
             arrivals.watch(line.socket(), Line::SharedTable).map_err(LabError::Watch)?;
         }
         let start_ns = realtime::now()?.ns();
+        let config = LabConfig { tracker: addresses.mocap.tracker(), ..config };
         let laboratory = Laboratory::new(plant, config, start_ns)?;
         Ok(Self { laboratory, arrivals, ports, valve_line, table_line, next_truth_ns: start_ns })
     }
@@ -126,6 +127,7 @@ impl Process {
             laboratory.set_valves(mask);
         }
         self.ports.gyro.poll(arrivals.came_on(Line::Gyro), |byte| laboratory.request_gyro(byte));
+        self.ports.tracker.poll(arrivals);
         let mut buffer = [0; MAX_COMMAND_LEN];
         let links = self.ports.links.iter().enumerate();
         for (link, socket) in links.filter(|(link, _)| arrivals.came_on(Line::Link(*link))) {
@@ -177,9 +179,10 @@ impl Process {
 }
 
 impl DeviceOutputs for Ports {
-    fn vicon(&mut self, _time_ns: u64, datagram: &[u8]) {
-        let sent = self.vicon.send_to(datagram, self.vicon_to);
-        self.warn_once("VICON datagram", self.vicon_to, sent);
+    fn mocap(&mut self, _time_ns: u64, bytes: &[u8]) {
+        if let Err((to, error)) = self.tracker.send(bytes) {
+            self.warn_once("motion capture", to, Err(error));
+        }
     }
 
     fn gyro(&mut self, _time_ns: u64, bytes: &[u8]) {

@@ -28,14 +28,14 @@ pub fn config() -> LabConfig {
 /// Everything that arrived, with its time.
 #[derive(Debug, Default, PartialEq)]
 pub struct Heard {
-    pub vicon: Vec<(u64, Vec<u8>)>,
+    pub mocap: Vec<(u64, Vec<u8>)>,
     pub gyro: Vec<(u64, Vec<u8>)>,
     pub links: Vec<(u64, usize, SocketAddr, Vec<u8>)>,
 }
 
 impl DeviceOutputs for Heard {
-    fn vicon(&mut self, time_ns: u64, datagram: &[u8]) {
-        self.vicon.push((time_ns, datagram.to_vec()));
+    fn mocap(&mut self, time_ns: u64, datagram: &[u8]) {
+        self.mocap.push((time_ns, datagram.to_vec()));
     }
     fn gyro(&mut self, time_ns: u64, bytes: &[u8]) {
         self.gyro.push((time_ns, bytes.to_vec()));

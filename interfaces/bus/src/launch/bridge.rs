@@ -1,6 +1,6 @@
 //! The launch file's `[bridge]`: what this vehicle has to do with others over the network.
 
-use super::{Launch, LaunchError};
+use super::{Launch, LaunchError, Ros2};
 use crate::Neighbours;
 use fss_messages::topic;
 use serde::de::Error as _;
@@ -106,7 +106,7 @@ impl Launch {
     /// What the stack has to do with other vehicles.
     pub fn neighbours(&self) -> Neighbours {
         let Some(bridge) = &self.bridge else {
-            return Neighbours { target: self.target_vehicle.clone(), ..Neighbours::default() };
+            return Neighbours { target: self.target_vehicle.clone(), ros2: self.for_ros2(), ..Neighbours::default() };
         };
         let mut heard: Vec<ForeignTopic> = bridge.receive.iter().map(|topic| topic.get_ref().clone()).collect();
         // With what comes of a vehicle goes what the bridge says of it.
@@ -119,8 +119,13 @@ impl Launch {
         Neighbours {
             target: self.target_vehicle.clone(),
             shared: bridge.share.iter().map(|topic| topic.get_ref().clone()).collect(),
+            ros2: self.for_ros2(),
             heard,
         }
+    }
+
+    fn for_ros2(&self) -> Vec<String> {
+        self.ros2.as_ref().map(Ros2::topics).unwrap_or_default()
     }
 
     /// Whether names and topics of this and of other vehicles make sense.
@@ -135,12 +140,12 @@ impl Launch {
         }
         let Some(bridge) = &self.bridge else {
             return match self.schedule(SERVICE) {
-                Some(service) => refuse(
+                Some(service) if self.ros2.is_none() => refuse(
                     "'bridge' has nothing to carry".to_owned(),
-                    "add [bridge] with listen or connect, share and receive",
+                    "add [bridge] with listen or connect, share and receive, or [ros2]",
                     Some(service.name.span()),
                 ),
-                None => Ok(()),
+                _ => Ok(()),
             };
         };
         if self.vehicle.is_empty() {

@@ -2,7 +2,7 @@
 #![allow(dead_code, unreachable_pub)]
 
 use fss_bus::{Bus, InputPort, Latest, Queue, Runner, Time};
-use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MocapPacket, VICON_QUEUE};
+use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
 use fss_messages::{NavState, topic};
 use fss_plant::Plant;
 use rand::SeedableRng;
@@ -51,7 +51,7 @@ pub type Seen = (f64, NavState, Motion);
 
 pub struct Flight {
     runner: Runner<Fusion>,
-    vicon: Queue<MocapPacket>,
+    mocap: Queue<MocapPacket>,
     gyro: Queue<GyroPacket>,
     nav: Latest<NavState>,
     rng: ChaCha8Rng,
@@ -69,7 +69,7 @@ impl Flight {
         };
         Self {
             runner: Runner::new(Fusion::new(config), &bus).unwrap(),
-            vicon: bus.queue(VICON_QUEUE, 64).unwrap(),
+            mocap: bus.queue(MOCAP_QUEUE, 64).unwrap(),
             gyro: bus.queue(GYRO_QUEUE, 64).unwrap(),
             nav: Latest::open(&bus, topic::NAV_STATE).unwrap(),
             rng: ChaCha8Rng::seed_from_u64(seed),
@@ -106,7 +106,7 @@ impl Flight {
                 }
             }
             while self.delayed.first().is_some_and(|p| p.received_ns <= now_ns) {
-                self.vicon.force_push(self.delayed.remove(0));
+                self.mocap.force_push(self.delayed.remove(0));
             }
             self.runner.step(Time::from_ns(now_ns));
             self.runner.flush(Time::from_ns(now_ns));

@@ -4,7 +4,7 @@ use fss_messages::CDR_HEADER;
 
 /// A message in the making; each primitive is aligned to its own size, counted from behind the encapsulation header.
 #[derive(Default)]
-pub(crate) struct Cdr(Vec<u8>);
+pub struct Cdr(Vec<u8>);
 
 impl Cdr {
     fn put(mut self, bytes: &[u8]) -> Self {
@@ -13,15 +13,23 @@ impl Cdr {
         self
     }
 
-    pub(crate) fn u32(self, value: u32) -> Self {
+    /// A number.
+    pub fn u32(self, value: u32) -> Self {
         self.put(&value.to_le_bytes())
     }
 
-    pub(crate) fn f64(self, value: f64) -> Self {
+    /// A byte.
+    pub fn u8(self, value: u8) -> Self {
+        self.put(&[value])
+    }
+
+    /// A number.
+    pub fn f64(self, value: f64) -> Self {
         self.put(&value.to_le_bytes())
     }
 
-    pub(crate) fn text(self, text: &str) -> Self {
+    /// A text.
+    pub fn text(self, text: &str) -> Self {
         let mut next = self.u32(text.len() as u32 + 1);
         next.0.extend_from_slice(text.as_bytes());
         next.0.push(0);
@@ -29,24 +37,24 @@ impl Cdr {
     }
 
     /// A list: how many, then each.
-    pub(crate) fn list<T>(self, items: &[T], each: impl Fn(Self, &T) -> Self) -> Self {
+    pub fn list<T>(self, items: &[T], each: impl Fn(Self, &T) -> Self) -> Self {
         items.iter().fold(self.u32(items.len() as u32), each)
     }
 
     /// `std_msgs/Header`.
-    pub(crate) fn header(self, time_ns: u64, frame: &str) -> Self {
+    pub fn header(self, time_ns: u64, frame: &str) -> Self {
         self.u32((time_ns / 1_000_000_000) as u32).u32((time_ns % 1_000_000_000) as u32).text(frame)
     }
 
     /// A translation or position, then a rotation about the vertical as a quaternion: `geometry_msgs/Pose` and
     /// `geometry_msgs/Transform`.
-    pub(crate) fn pose(self, [x_m, y_m, angle_rad]: [f64; 3], z_m: f64) -> Self {
+    pub fn pose(self, [x_m, y_m, angle_rad]: [f64; 3], z_m: f64) -> Self {
         let (sin, cos) = (angle_rad / 2.0).sin_cos();
         [x_m, y_m, z_m, 0.0, 0.0, sin, cos].into_iter().fold(self, Self::f64)
     }
 
     /// The message with its encapsulation header.
-    pub(crate) fn message(self) -> Vec<u8> {
+    pub fn message(self) -> Vec<u8> {
         [&CDR_HEADER[..], &self.0].concat()
     }
 }

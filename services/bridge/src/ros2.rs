@@ -1,0 +1,274 @@
+//! Nodes of ROS 2: a zenoh session that looks to them as a node named `fss`, and the thread that owns it.
+//!
+//! A sample travels with four bytes in front, as `rmw_zenoh` has it: it is the message's CDR. Standard messages are made here
+//! from navigation, links, mission and health; their stamps are calendar time. Nothing is received.
+
+use crate::{Line, Said};
+use fss_bus::launch::Ros2;
+use fss_bus::{Queue, realtime};
+use fss_messages::topic::{self, Topic, TopicVisitor};
+use fss_messages::{CDR_HEADER, Event, Health, LinksState, MAX_LINKS, MissionState, NavState, Sample};
+use fss_plant::Plant;
+use fss_plant::urdf::{ARM_HEIGHT_M, ArmFrames, BASE};
+use fss_ros2::rmw_zenoh::{Node, Publisher, attachment, source_id};
+use fss_ros2::robot::{Robot, diagnostics, tf_message};
+use fss_ros2::standard::{DIAGNOSTICS, Definition, JOINT_STATE, ODOMETRY, TF_MESSAGE};
+use fss_ros2::type_hash::rihs01;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use zenoh::Wait;
+use zenoh::qos::CongestionControl;
+use zerocopy::FromBytes;
+
+/// How long the thread rests when there is nothing to send.
+const REST: Duration = Duration::from_millis(2);
+/// After this a network that could not be opened is tried again.
+const RETRY: Duration = Duration::from_secs(1);
+/// The topics of standard messages, and their definitions.
+const STANDARD: [(&str, &Definition); 4] =
+    [("/tf", &TF_MESSAGE), ("/joint_states", &JOINT_STATE), ("/odom", &ODOMETRY), ("/diagnostics", &DIAGNOSTICS)];
+
+/// What the thread works with.
+pub struct Nodes {
+    vehicle: String,
+    launch: Ros2,
+    robot: Robot,
+    said: Queue<Said>,
+    words: Queue<Event>,
+    line: Line,
+}
+
+/// The thread; it ends when this is dropped.
+#[derive(Debug)]
+pub struct Device {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Device {
+    /// Starts the thread. What it cannot open it tries again, and says so.
+    ///
+    /// # Errors
+    /// Where the thread cannot be made.
+    pub fn start(nodes: Nodes) -> io::Result<Self> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let thread = std::thread::Builder::new().name("bridge-ros2".to_owned()).spawn(move || nodes.run(&stopped))?;
+        Ok(Self { stop, thread: Some(thread) })
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has nothing more to say.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A publisher, and how many samples it has sent.
+struct Speaker {
+    topic: String,
+    publisher: zenoh::pubsub::Publisher<'static>,
+    source: [u8; 16],
+    number: i64,
+}
+
+/// An open session and what it says.
+struct Open {
+    shared: Vec<Speaker>,
+    standard: Vec<Speaker>,
+    _tokens: Vec<zenoh::liveliness::LivelinessToken>,
+    session: zenoh::Session,
+}
+
+impl Nodes {
+    /// Those who may see this vehicle.
+    pub fn new(
+        vehicle: String,
+        launch: Ros2,
+        plant: &Plant,
+        said: Queue<Said>,
+        words: Queue<Event>,
+        line: Line,
+    ) -> Self {
+        let prefix = if vehicle.is_empty() { String::new() } else { format!("{vehicle}/") };
+        let robot = robot(plant, prefix);
+        Self { vehicle, launch, robot, said, words, line }
+    }
+
+    fn run(&self, stop: &AtomicBool) {
+        let mut told = false;
+        while !stop.load(Ordering::Relaxed) {
+            match self.open() {
+                Ok(mut open) => {
+                    self.carry(&mut open, stop);
+                    // A connection that cannot be closed in order ends with the process.
+                    let _ = open.session.close().wait();
+                    return;
+                }
+                Err(why) => {
+                    if !std::mem::replace(&mut told, true) {
+                        let now_ns = realtime::now().map_or(0, fss_bus::Time::ns);
+                        let words = format_args!("no ROS 2 yet: {why}");
+                        self.words.force_push(Event::new(now_ns, "bridge", Event::WARNING, words));
+                    }
+                    std::thread::sleep(RETRY);
+                }
+            }
+        }
+    }
+
+    fn open(&self) -> zenoh::Result<Open> {
+        let session = zenoh::open(zenoh::Config::from_json5(&config(&self.launch))?).wait()?;
+        let node = Node { domain: self.launch.domain, session: session.zid().to_string(), name: "fss".to_owned() };
+        let mut tokens = vec![session.liveliness().declare_token(node.token()).wait()?];
+        let front = if self.vehicle.is_empty() { String::new() } else { format!("/{}", self.vehicle) };
+        let mut speaker = |topic: &str, schema: &str, hash: String, id: u32| -> zenoh::Result<Speaker> {
+            let publisher = Publisher { topic: format!("{front}{topic}"), schema: schema.to_owned(), hash, id };
+            let token = node.publisher_token(&publisher);
+            let source = source_id(&token);
+            let key = node.key(&publisher);
+            let publisher = session.declare_publisher(key).congestion_control(CongestionControl::Drop).wait()?;
+            tokens.push(session.liveliness().declare_token(token).wait()?);
+            Ok(Speaker { topic: topic.to_owned(), publisher, source, number: 0 })
+        };
+        let mut shared = Vec::new();
+        for (topic, id) in self.launch.share.iter().zip(1..) {
+            let (schema, hash) = type_of(topic.get_ref())?;
+            shared.push(speaker(topic.get_ref(), &schema, hash, id)?);
+        }
+        let mut standard = Vec::new();
+        for ((topic, definition), id) in STANDARD.into_iter().zip(1000..).filter(|_| self.launch.standard) {
+            standard.push(speaker(topic, definition.name, definition.hash(), id)?);
+        }
+        Ok(Open { shared, standard, _tokens: tokens, session })
+    }
+
+    /// Sends what is said until it is told to stop.
+    fn carry(&self, open: &mut Open, stop: &AtomicBool) {
+        let names = self.launch.topics();
+        let mut message = Vec::new();
+        while !stop.load(Ordering::Relaxed) {
+            let Some(said) = self.said.pop() else {
+                std::thread::sleep(REST);
+                continue;
+            };
+            let (sample, mut is_sent) = (said.parcel.sample(), true);
+            if let Some(speaker) = open.shared.get_mut(said.parcel.topic) {
+                message.clear();
+                message.extend_from_slice(&CDR_HEADER);
+                message.extend_from_slice(sample);
+                is_sent = speaker.say(&message);
+            }
+            let Some(name) = names.get(said.parcel.topic) else { continue };
+            for (topic, message) in self.standard(name, sample) {
+                if let Some(speaker) = open.standard.iter_mut().find(|speaker| speaker.topic == topic) {
+                    is_sent &= speaker.say(&message);
+                }
+            }
+            let count = if is_sent { &self.line.sent } else { &self.line.lost };
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// The standard messages that a sample gives.
+    fn standard(&self, topic: &str, sample: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
+        let robot = &self.robot;
+        if topic == topic::NAV_STATE.name
+            && let Ok(nav) = NavState::read_from_bytes(sample)
+            && nav.mode != NavState::INITIALISING
+        {
+            let time_ns = calendar_ns(nav.stamp_ns);
+            let pose = [nav.x_m, nav.y_m, nav.theta_rad];
+            return vec![("/odom", robot.odometry(time_ns, &nav)), ("/tf", tf_message(&[robot.base(time_ns, pose)]))];
+        }
+        if topic == topic::LINKS_STATE.name
+            && let Ok(links) = LinksState::read_from_bytes(sample)
+        {
+            let time_ns = calendar_ns(links.stamp_ns);
+            let arm: Vec<_> = robot.arm(time_ns, &links.q_rad).collect();
+            return vec![("/joint_states", robot.joint_states(time_ns, &links)), ("/tf", tf_message(&arm))];
+        }
+        if topic == topic::MISSION_STATE.name
+            && let Ok(mission) = MissionState::read_from_bytes(sample)
+            && mission.target_seen != 0
+        {
+            return vec![("/tf", tf_message(&[robot.target(calendar_ns(mission.stamp_ns), mission.target)]))];
+        }
+        if topic == topic::HEALTH.name
+            && let Ok(health) = Health::read_from_bytes(sample)
+        {
+            return vec![("/diagnostics", diagnostics(calendar_ns(health.stamp_ns), &health))];
+        }
+        Vec::new()
+    }
+}
+
+impl Speaker {
+    fn say(&mut self, message: &[u8]) -> bool {
+        self.number += 1;
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let attached = attachment(self.number, since.as_nanos() as i64, &self.source);
+        self.publisher.put(message).attachment(attached.as_slice()).wait().is_ok()
+    }
+}
+
+/// A time of this host's monotonic clock as calendar time, ns since 1970.
+fn calendar_ns(stamp_ns: u64) -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let now_ns = realtime::now().map_or(0, fss_bus::Time::ns);
+    (since.as_nanos() as u64).saturating_sub(now_ns).saturating_add(stamp_ns)
+}
+
+/// The message of a topic, and its RIHS01.
+fn type_of(topic: &str) -> zenoh::Result<(String, String)> {
+    struct Find<'a>(&'a str, Option<(String, String)>);
+    impl TopicVisitor for Find<'_> {
+        fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
+            if topic.name == self.0 {
+                self.1 = Some((format!("{}/msg/{}", T::PACKAGE, T::NAME), T::definition()));
+            }
+        }
+    }
+    let mut find = Find(topic, None);
+    topic::visit(&mut find);
+    let (schema, definition) = find.1.ok_or_else(|| format!("there is no topic {topic}"))?;
+    let hash = rihs01(&schema, &definition, &[])?;
+    Ok((schema, hash))
+}
+
+/// The vehicle of this plant as its URDF describes it.
+fn robot(plant: &Plant, prefix: String) -> Robot {
+    let ArmFrames { joints, links, origins } = ArmFrames::of(plant, MAX_LINKS);
+    let (base, target) = (BASE.to_owned(), "target".to_owned());
+    Robot { prefix, base, target, joints, links, origins, arm_height_m: ARM_HEIGHT_M }
+}
+
+/// The session's configuration: where it listens it is the router that nodes of ROS 2 look for.
+fn config(launch: &Ros2) -> String {
+    let list = |addresses: &[SocketAddr]| {
+        addresses.iter().map(|address| format!("\"tcp/{address}\"")).collect::<Vec<_>>().join(", ")
+    };
+    let listen = launch.listen();
+    let mode = if listen.is_empty() { "peer" } else { "router" };
+    format!(
+        r#"{{
+            mode: "{mode}",
+            listen: {{ endpoints: [{listen}] }},
+            connect: {{
+                endpoints: [{connect}], timeout_ms: -1, exit_on_failure: false,
+                retry: {{ period_init_ms: 200, period_max_ms: 1000, period_increase_factor: 2 }},
+            }},
+            scouting: {{ multicast: {{ enabled: false }}, gossip: {{ enabled: true }} }},
+        }}"#,
+        listen = list(&listen),
+        connect = list(&launch.connect),
+    )
+}
