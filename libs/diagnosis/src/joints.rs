@@ -235,11 +235,12 @@ impl JointBlock {
     /// What a plant with effects is about which everything is linearized.
     fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        let is_nominal = servo_response::answer_alike(plant, effects, &self.plant) || self.anchors.is_some();
+        let is_nominal = self.anchors.is_some() || (effects.is_empty() && *plant == self.plant);
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
         let anew = || {
-            let moving = servo_response::with_exactly(plant, &servo_response::moving(effects));
-            let simulated = self.servos.reference(&moving, &self.path);
+            let alike = servo_response::answer_alike(plant, effects, &self.plant);
+            let moving = || servo_response::with_exactly(plant, &servo_response::moving(effects));
+            let simulated = if alike { None } else { self.servos.reference(&moving(), &self.path) };
             let reference = simulated.as_ref().or(self.path.reference.as_ref());
             Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, self.servos.commands.as_ref()))
         };
