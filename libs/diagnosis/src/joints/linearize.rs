@@ -217,7 +217,7 @@ pub(super) fn averaging(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row]
     out
 }
 
-/// How each row depends on the motion beside the path, under the nominal plant.
+/// How each row depends on the motion beside the path, under the plant of `mechanics`.
 pub(super) fn slopes(
     plant: &Plant,
     mechanics: &Mechanics,
