@@ -1,8 +1,12 @@
-"""What a client of rmw_zenoh's sees of a flight: every topic with its type, and samples equal to the log's.
+"""What a client of rmw_zenoh's sees of a flight: every topic with its type, hashes as rosidl has them, samples equal to the log's.
 
-usage: read_ros2.py FSS, with PyPI's zenoh-ros2-sdk, rosbags and mcap-ros2-support installed.
+usage: read_ros2.py FSS, with PyPI's zenoh-ros2-sdk, rosbags, mcap-ros2-support and rosidl (ros-jazzy-rosidl-adapter,
+ros-jazzy-rosidl-generator-type-description) installed.
 """
 
+import contextlib
+import io
+import json
 import pathlib
 import subprocess
 import sys
@@ -13,16 +17,35 @@ import time
 import zenoh
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosidl_adapter.msg import convert_msg_to_idl
+from rosidl_generator_type_description import generate_type_hash
 from zenoh_ros2_sdk import get_topic_names_and_types
 
 PORT = 54900
-SHARED = ["/nav/state", "/links/state", "/mission/state", "/mocap/base", "/gyro", "/thrusters/state", "/health", "/truth/state"]
+FLOWN = ["/nav/state", "/links/state", "/mission/state", "/mocap/base", "/gyro", "/thrusters/state", "/health", "/truth/state"]
+OTHERS = ["/mocap/end_effector", "/mocap/target", "/links/telemetry", "/arm/command", "/base/command", "/thrusters/command",
+          "/calibration/posture", "/mission/command", "/parameters/command", "/parameters/state", "/events", "/steps", "/peer"]
+SHARED = FLOWN + OTHERS
 STANDARD = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/joint_states": "sensor_msgs/msg/JointState",
     "/odom": "nav_msgs/msg/Odometry",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
+
+
+def official_hashes(package):
+    """By type, RIHS01 as rosidl computes it from the package's .msg files."""
+    with tempfile.TemporaryDirectory() as out, contextlib.redirect_stdout(io.StringIO()):
+        out, tuples = pathlib.Path(out), []
+        for path in package.glob("msg/*.msg"):
+            convert_msg_to_idl(package.absolute(), package.name, path.relative_to(package), out / "msg")
+            tuples.append(f"{out}:msg/{path.stem}.idl")
+        arguments = {"package_name": package.name, "output_dir": str(out), "idl_tuples": tuples, "include_paths": []}
+        (out / "arguments.json").write_text(json.dumps(arguments))
+        generate_type_hash(str(out / "arguments.json"))
+        hashes = [each for path in out.glob("msg/*.json") for each in json.loads(path.read_text())["type_hashes"]]
+        return {each["type_name"]: each["hash_string"] for each in hashes}
 
 
 def main(fss):
@@ -48,6 +71,11 @@ def main(fss):
                 heard.append((str(sample.key_expr), bytes(sample.payload), bytes(sample.attachment)))
 
         session = zenoh.open(config)
+        tokens = [str(reply.ok.key_expr).split("/") for reply in session.liveliness().get("@ros2_lv/0/**") if reply.ok]
+        told = {t[10].replace("::msg::dds_::", "/msg/").rstrip("_"): t[11] for t in tokens if t[5] == "MP"}
+        official = official_hashes(folder / "src/fss_msgs")
+        for name, rihs in official.items():
+            assert told[name] == rihs, f"{name}: {told[name]}, rosidl has {rihs}"
         subscriber = session.declare_subscriber("0/**", take)
         assert run.wait() == 0
         subscriber.undeclare()
@@ -76,8 +104,9 @@ def main(fss):
         counts[name] = counts.get(name, 0) + 1
         if name in logged:
             assert payload in logged[name], f"a sample of {name} is not in the log"
-    for name in SHARED + list(STANDARD):
+    for name in FLOWN + list(STANDARD):
         assert counts.get(name, 0) > 0, f"nothing came on {name}"
+    print(f"rosidl: the hashes of {len(official)} messages are equal")
     print(f"rmw_zenoh: {len(counts)} topics with their types, {sum(counts.values())} samples decoded: {counts}")
 
 

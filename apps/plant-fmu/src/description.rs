@@ -25,10 +25,15 @@ pub fn xml(is_fmi2: bool, name: &str, variables: &[Variable]) -> String {
             Causality::Parameter => ("parameter", "fixed"),
             Causality::Input => ("input", "continuous"),
             Causality::Output => ("output", "continuous"),
+            Causality::Independent => ("independent", "continuous"),
         };
-        // An output is computed; the others start somewhere.
+        // An output is computed; a parameter and an input start somewhere.
         let is_output = variable.causality == Causality::Output;
-        let start = if is_output { String::new() } else { format!(" start=\"{}\"", variable.start) };
+        let start = if is_output || variable.causality == Causality::Independent {
+            String::new()
+        } else {
+            format!(" start=\"{}\"", variable.start)
+        };
         let common = format!(
             "name=\"{}\" valueReference=\"{reference}\" causality=\"{causality}\" variability=\"{variability}\" description=\"{}\"",
             variable.name,
@@ -66,7 +71,8 @@ pub fn xml(is_fmi2: bool, name: &str, variables: &[Variable]) -> String {
 const UNITS: &str = "  <UnitDefinitions>\n    <Unit name=\"m\"><BaseUnit m=\"1\"/></Unit>\n    \
     <Unit name=\"m/s\"><BaseUnit m=\"1\" s=\"-1\"/></Unit>\n    <Unit name=\"rad\"><BaseUnit rad=\"1\"/></Unit>\n    \
     <Unit name=\"rad/s\"><BaseUnit rad=\"1\" s=\"-1\"/></Unit>\n    <Unit name=\"A\"><BaseUnit A=\"1\"/></Unit>\n    \
-    <Unit name=\"N.m\"><BaseUnit kg=\"1\" m=\"2\" s=\"-2\"/></Unit>\n    <Unit name=\"kg\"><BaseUnit kg=\"1\"/></Unit>\n  \
+    <Unit name=\"N.m\"><BaseUnit kg=\"1\" m=\"2\" s=\"-2\"/></Unit>\n    <Unit name=\"kg\"><BaseUnit kg=\"1\"/></Unit>\n    \
+    <Unit name=\"s\"><BaseUnit s=\"1\"/></Unit>\n  \
     </UnitDefinitions>\n";
 
 fn escaped(text: &str) -> String {

@@ -60,7 +60,7 @@ impl Instance {
 
     /// Sets a parameter or an input; false where the reference is none of them or the value no number.
     pub fn set(&mut self, reference: u32, value: f64) -> bool {
-        let is_set = |variable: &Variable| variable.causality != Causality::Output;
+        let is_set = |variable: &Variable| matches!(variable.causality, Causality::Parameter | Causality::Input);
         let is_known = self.variables.get(reference as usize).is_some_and(is_set);
         match self.values.get_mut(reference as usize) {
             Some(own) if is_known && value.is_finite() => {
@@ -74,7 +74,7 @@ impl Instance {
     /// The value of a variable.
     pub fn get(&self, reference: u32) -> Option<f64> {
         let variable = self.variables.get(reference as usize)?;
-        if variable.causality != Causality::Output {
+        if matches!(variable.causality, Causality::Parameter | Causality::Input) {
             return self.values.get(reference as usize).copied();
         }
         let truth = self.simulation.truth();
@@ -88,6 +88,7 @@ impl Instance {
             Meaning::MotorCurrent(i) => truth.current_a[i],
             Meaning::Torque(i) => truth.torque_n_m[i],
             Meaning::Gas => self.simulation.gas_used_kg(),
+            Meaning::Time => self.simulation.t_s(),
             _ => 0.0,
         })
     }

@@ -11,6 +11,8 @@ pub enum Causality {
     Input,
     /// Read after it.
     Output,
+    /// Time, which the others depend on.
+    Independent,
 }
 
 /// What an output shows, what an input or a parameter sets.
@@ -48,6 +50,8 @@ pub enum Meaning {
     Torque(usize),
     /// Gas used since the start.
     Gas,
+    /// Time since the start.
+    Time,
 }
 
 /// A variable; its value reference is its place in the list.
@@ -78,7 +82,7 @@ const POSE: [(&str, &str, &str); 6] = [
 
 /// The variables of a plant.
 pub fn variables(plant: &Plant) -> Vec<Variable> {
-    use Causality::{Input, Output, Parameter};
+    use Causality::{Independent, Input, Output, Parameter};
     let mut all = Vec::new();
     let mut add = |name: String, causality, meaning, unit, start, about: &str| {
         all.push(Variable { name, causality, meaning, unit, start, about: about.to_owned() });
@@ -140,5 +144,6 @@ pub fn variables(plant: &Plant) -> Vec<Variable> {
         add(format!("link_{link}.torque_nm"), Output, Meaning::Torque(i), "N.m", 0.0, &of("torque at the sensor"));
     }
     add("gas_used_kg".to_owned(), Output, Meaning::Gas, "kg", 0.0, "gas used since the start");
+    add("time".to_owned(), Independent, Meaning::Time, "s", 0.0, "time since the start");
     all
 }

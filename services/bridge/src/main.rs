@@ -46,8 +46,10 @@ fn main() -> Result<()> {
         let plant = Plant::parse(&site.read(PLANT_FILE)?).map_err(|e| miette!("{PLANT_FILE}: {e}"))?;
         let vehicle = site.launch.vehicle.clone();
         let said = site.queue(ROS2_QUEUE)?;
-        ros2::Device::start(ros2::Nodes::new(vehicle, ros2, &plant, said, words.clone(), line.clone()))
-            .into_diagnostic()
+        let others = site.bus.program_topics();
+        let nodes = ros2::Nodes::new((vehicle, ros2), &plant, others, said, words.clone(), line.clone())
+            .map_err(|e| miette!("[ros2] share: {e}"))?;
+        ros2::Device::start(nodes).into_diagnostic()
     };
     let _nodes = site.launch.ros2.clone().map(nodes).transpose()?;
     site.fly(bridge, || ())?;

@@ -1,7 +1,8 @@
 //! Topics whose samples the bridge knows by the launch file only.
 
 use fss_bus::{
-    Batch, Bus, BusError, DeviceOutput, Feed, InputPort, InputPorts, Output, OutputPort, OutputPorts, Step, Time,
+    Batch, Bus, BusError, DeviceOutput, Feed, InputPort, InputPorts, Output, OutputPort, OutputPorts, RawBatch, Step,
+    Time,
 };
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{Event, PeerState, Sample};
@@ -101,6 +102,30 @@ impl<T: Sample> SharedTopic for Batch<T> {
     }
 }
 
+/// A topic of a service with messages of its own.
+struct ProgramTopic {
+    batch: RawBatch,
+    layout: u64,
+}
+
+impl SharedTopic for ProgramTopic {
+    fn refresh(&mut self) {
+        self.batch.refresh();
+    }
+
+    fn age_ns(&self, now: Time) -> u64 {
+        self.batch.age_ns(now)
+    }
+
+    fn layout(&self) -> u64 {
+        self.layout
+    }
+
+    fn each(&self, show: &mut dyn FnMut(&[u8])) {
+        self.batch.samples().for_each(show);
+    }
+}
+
 /// A topic of another vehicle, whatever its sample.
 pub(crate) trait HeardTopic {
     fn layout(&self) -> u64;
@@ -156,6 +181,10 @@ impl InputPorts for Inputs {
                 let mut opener = Opener::<dyn SharedTopic> { bus, name, port: None };
                 topic::visit(&mut opener);
                 ports.extend(opener.port.transpose()?);
+                for topic in bus.program_topics().iter().filter(|topic| topic.name == *name) {
+                    let batch = RawBatch::open(bus, topic, Batch::<Event>::CAPACITY)?;
+                    ports.push(Box::new(ProgramTopic { batch, layout: topic.definition.hash }));
+                }
             }
             Ok::<_, BusError>(ports)
         };

@@ -3,16 +3,16 @@
 //! A sample travels with four bytes in front, as `rmw_zenoh` has it: it is the message's CDR. Standard messages are made here
 //! from navigation, links, mission and health; their stamps are calendar time. Nothing is received.
 
-use crate::{Line, Said};
+use crate::{Line, MAX_SAMPLE, Said};
 use fss_bus::launch::Ros2;
-use fss_bus::{Queue, realtime};
+use fss_bus::{Queue, RawTopic, realtime};
 use fss_messages::topic::{self, Topic, TopicVisitor};
-use fss_messages::{CDR_HEADER, Event, Health, LinksState, MAX_LINKS, MissionState, NavState, Sample};
+use fss_messages::{CDR_HEADER, Definition, Event, Health, LinksState, MAX_LINKS, MissionState, NavState, Sample};
 use fss_plant::Plant;
 use fss_plant::urdf::{ARM_HEIGHT_M, ArmFrames, BASE};
 use fss_ros2::rmw_zenoh::{Node, Publisher, attachment, source_id};
 use fss_ros2::robot::{Robot, diagnostics, tf_message};
-use fss_ros2::standard::{DIAGNOSTICS, Definition, JOINT_STATE, ODOMETRY, TF_MESSAGE};
+use fss_ros2::standard::{self, DIAGNOSTICS, JOINT_STATE, ODOMETRY, TF_MESSAGE};
 use fss_ros2::type_hash::rihs01;
 use std::io;
 use std::net::SocketAddr;
@@ -29,7 +29,7 @@ const REST: Duration = Duration::from_millis(2);
 /// After this a network that could not be opened is tried again.
 const RETRY: Duration = Duration::from_secs(1);
 /// The topics of standard messages, and their definitions.
-const STANDARD: [(&str, &Definition); 4] =
+const STANDARD: [(&str, &standard::Definition); 4] =
     [("/tf", &TF_MESSAGE), ("/joint_states", &JOINT_STATE), ("/odom", &ODOMETRY), ("/diagnostics", &DIAGNOSTICS)];
 
 /// What the thread works with.
@@ -37,6 +37,8 @@ pub struct Nodes {
     vehicle: String,
     launch: Ros2,
     robot: Robot,
+    /// The message and its RIHS01, of each topic that is shared.
+    types: Vec<(String, String)>,
     said: Queue<Said>,
     words: Queue<Event>,
     line: Line,
@@ -89,18 +91,22 @@ struct Open {
 }
 
 impl Nodes {
-    /// Those who may see this vehicle.
+    /// Those who may see this vehicle; `others` are the topics of services with messages of their own.
+    ///
+    /// # Errors
+    /// Names a topic that is shared and cannot be.
     pub fn new(
-        vehicle: String,
-        launch: Ros2,
+        (vehicle, launch): (String, Ros2),
         plant: &Plant,
+        others: &[RawTopic],
         said: Queue<Said>,
         words: Queue<Event>,
         line: Line,
-    ) -> Self {
+    ) -> Result<Self, String> {
         let prefix = if vehicle.is_empty() { String::new() } else { format!("{vehicle}/") };
         let robot = robot(plant, prefix);
-        Self { vehicle, launch, robot, said, words, line }
+        let types = launch.share.iter().map(|topic| type_of(topic.get_ref(), others)).collect::<Result<_, _>>()?;
+        Ok(Self { vehicle, launch, robot, types, said, words, line })
     }
 
     fn run(&self, stop: &AtomicBool) {
@@ -140,9 +146,8 @@ impl Nodes {
             Ok(Speaker { topic: topic.to_owned(), publisher, source, number: 0 })
         };
         let mut shared = Vec::new();
-        for (topic, id) in self.launch.share.iter().zip(1..) {
-            let (schema, hash) = type_of(topic.get_ref())?;
-            shared.push(speaker(topic.get_ref(), &schema, hash, id)?);
+        for ((topic, (schema, hash)), id) in self.launch.share.iter().zip(&self.types).zip(1..) {
+            shared.push(speaker(topic.get_ref(), schema, hash.clone(), id)?);
         }
         let mut standard = Vec::new();
         for ((topic, definition), id) in STANDARD.into_iter().zip(1000..).filter(|_| self.launch.standard) {
@@ -228,19 +233,24 @@ fn calendar_ns(stamp_ns: u64) -> u64 {
 }
 
 /// The message of a topic, and its RIHS01.
-fn type_of(topic: &str) -> zenoh::Result<(String, String)> {
-    struct Find<'a>(&'a str, Option<(String, String)>);
+fn type_of(topic: &str, others: &[RawTopic]) -> Result<(String, String), String> {
+    struct Find<'a>(&'a str, Option<Definition>);
     impl TopicVisitor for Find<'_> {
         fn visit<T: Sample>(&mut self, topic: Topic<T>, _doc: &'static str) {
             if topic.name == self.0 {
-                self.1 = Some((format!("{}/msg/{}", T::PACKAGE, T::NAME), T::definition()));
+                self.1 = Some(Definition::of::<T>());
             }
         }
     }
     let mut find = Find(topic, None);
     topic::visit(&mut find);
-    let (schema, definition) = find.1.ok_or_else(|| format!("there is no topic {topic}"))?;
-    let hash = rihs01(&schema, &definition, &[])?;
+    let other = || others.iter().find(|other| other.name == topic).map(|other| other.definition.clone());
+    let definition = find.1.or_else(other).ok_or_else(|| format!("no service publishes {topic}"))?;
+    if definition.size > MAX_SAMPLE {
+        return Err(format!("a sample of {topic} has {} bytes, more than {MAX_SAMPLE}", definition.size));
+    }
+    let schema = definition.schema();
+    let hash = rihs01(&schema, &definition.text, &[]).map_err(|e| format!("{topic}: {e}"))?;
     Ok((schema, hash))
 }
 

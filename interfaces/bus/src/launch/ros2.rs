@@ -61,7 +61,10 @@ impl Launch {
                 span: None,
             });
         }
-        match ros2.share.iter().find(|shared| !topic::NAMES.contains(&shared.get_ref().as_str())) {
+        // Topics of a program that comes with messages of its own are known when it is asked.
+        let has_programs = self.services.iter().any(|service| service.program.is_some());
+        let is_unknown = |shared: &&Spanned<String>| !topic::NAMES.contains(&shared.get_ref().as_str());
+        match ros2.share.iter().filter(|_| !has_programs).find(is_unknown) {
             Some(shared) => Err(LaunchError {
                 message: format!("there is no topic {} to share", shared.get_ref()),
                 help: "topics are written without the vehicle's name: /nav/state".to_owned(),
