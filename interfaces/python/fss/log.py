@@ -194,7 +194,7 @@ class Log(Mapping[str, Samples]):
                     raise KeyError(f"{topic.name} has no field '{field}'; it has {', '.join(topic.fields)}")
         return ["stamp_ns", *fields] if fields else []
 
-    def _samples(self, topic: Topic, wanted: list[str], selected: Optional[_fss.Selected]) -> Samples:
+    def _samples(self, topic: Topic, wanted: list[str], selected: Optional[tuple[list[tuple[str, str, int, str]], int, npt.NDArray[np.uint8]]]) -> Samples:
         if selected is None:
             if topic.dtype is None:
                 raise _fss.Error(f"{self.path}: topic {topic.name} holds no plain samples")
