@@ -1,16 +1,14 @@
 //! Where the vehicle is, as standard messages: `/tf`, `/joint_states`, `/nav/pose`, `/robot_description`.
 
-use crate::GroundError;
 use crate::cdr::Cdr;
-use crate::downlink::{at, ros_channel};
+use crate::channels::{Channel, Channels};
 use crate::ros;
+use crate::server::Server;
 use crate::topics::AllTopics;
-use foxglove::{Context, RawChannel};
 use fss_bus::{Bus, Time};
 use fss_messages::{LinksState, MAX_LINKS, MissionState, NavState, topic};
 use fss_plant::Plant;
 use fss_plant::urdf::{ARM_HEIGHT_M, BASE, END_EFFECTOR, joint_name, joint_origin, link_name, urdf};
-use std::sync::Arc;
 
 /// Name of the table's frame: its origin is the middle of the granite.
 pub(crate) const TABLE: &str = "map";
@@ -30,10 +28,10 @@ struct Transform {
 
 /// Says where everything is.
 pub(crate) struct Frames {
-    transforms: Arc<RawChannel>,
-    joints: Arc<RawChannel>,
-    pose: Arc<RawChannel>,
-    description: Arc<RawChannel>,
+    transforms: Channel,
+    joints: Channel,
+    pose: Channel,
+    description: Channel,
     urdf: String,
     next_description_ns: u64,
     /// Vehicle's name in front of its frames, with a slash; empty for one alone.
@@ -43,23 +41,23 @@ pub(crate) struct Frames {
 }
 
 impl Frames {
-    pub(crate) fn new(context: &Arc<Context>, plant: &Plant, bus: &Bus) -> Result<Self, GroundError> {
-        let channel = |name: &str, definition: &ros::Definition| {
-            ros_channel(context, &bus.full_name(name), definition.name, definition.text())
+    pub(crate) fn new(channels: &mut Channels, plant: &Plant, bus: &Bus) -> Self {
+        let mut channel = |name: &str, definition: &ros::Definition| {
+            channels.ros(&bus.full_name(name), definition.name, &definition.text())
         };
         let count = plant.link_count().min(MAX_LINKS);
         let mut origins: Vec<_> = (0..count).map(|i| joint_origin(plant, i)).collect();
         origins.extend(plant.links[..count].last().map(|link| [link.length_m, 0.0, 0.0]));
-        Ok(Self {
-            transforms: channel("/tf", &ros::TF_MESSAGE)?,
-            joints: channel("/joint_states", &ros::JOINT_STATE)?,
-            pose: channel("/nav/pose", &ros::POSE_STAMPED)?,
-            description: channel("/robot_description", &ros::STRING)?,
+        Self {
+            transforms: channel("/tf", &ros::TF_MESSAGE),
+            joints: channel("/joint_states", &ros::JOINT_STATE),
+            pose: channel("/nav/pose", &ros::POSE_STAMPED),
+            description: channel("/robot_description", &ros::STRING),
             urdf: urdf(plant),
             next_description_ns: 0,
             prefix: vehicle_prefix(bus),
             origins,
-        })
+        }
     }
 
     /// The vehicle's own frame of this name.
@@ -68,22 +66,22 @@ impl Frames {
     }
 
     /// Sends what is new.
-    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics) {
+    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, server: &Server) {
         if now.ns() >= self.next_description_ns {
             self.next_description_ns = now.ns() + DESCRIPTION_PERIOD_NS;
-            self.description.log_with_meta(&Cdr::default().text(&self.urdf).message(), at(now.ns()));
+            server.send(self.description, now.ns(), &Cdr::default().text(&self.urdf).message());
         }
         let mut transforms = Vec::new();
         if let Some(nav) = inputs.samples(topic::NAV_STATE).last() {
             let pose = [nav.x_m, nav.y_m, nav.theta_rad];
             if nav.mode != NavState::INITIALISING {
                 let message = Cdr::default().header(nav.stamp_ns, TABLE).pose(pose, 0.0).message();
-                self.pose.log_with_meta(&message, at(nav.published_ns));
+                server.send(self.pose, nav.published_ns, &message);
                 transforms.push(self.transform(nav.stamp_ns, TABLE.to_owned(), BASE, pose, 0.0));
             }
         }
         if let Some(links) = inputs.samples(topic::LINKS_STATE).last() {
-            self.joints.log_with_meta(&self.joint_states(links), at(links.published_ns));
+            server.send(self.joints, links.published_ns, &self.joint_states(links));
             self.arm(links, &mut transforms);
         }
         if let Some(mission) = inputs.samples(topic::MISSION_STATE).last().filter(|m| m.target_seen != 0) {
@@ -92,7 +90,7 @@ impl Frames {
         }
         if !transforms.is_empty() {
             let each = |cdr: Cdr, t: &Transform| cdr.header(t.time_ns, &t.parent).text(&t.child).pose(t.pose, t.z_m);
-            self.transforms.log_with_meta(&Cdr::default().list(&transforms, each).message(), at(now.ns()));
+            server.send(self.transforms, now.ns(), &Cdr::default().list(&transforms, each).message());
         }
     }
 
