@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -161,34 +161,49 @@ class Log(Mapping[str, Samples]):
     def __len__(self) -> int:
         return len(self._all["topics"])
 
-    def read(self, topics: Sequence[str]) -> dict[str, Samples]:
-        """The samples of several topics in one pass over the file."""
+    def read(self, topics: Sequence[str], fields: Sequence[str] = ()) -> dict[str, Samples]:
+        """The samples of several topics in one pass over the file. With ``fields`` only these of each sample, and its
+        ``stamp_ns``: of a large log a small part of the memory. Raises KeyError where a topic has no such field."""
         if isinstance(topics, str):
             raise TypeError("read takes a list of topics; log[topic] is one of them")
         known = {topic: self._topic(topic) for topic in topics}
-        selected = self._open.select(list(topics), self._from_ns, self._to_ns)
-        return {topic: self._samples(known[topic], of) for topic, of in zip(topics, selected)}
+        wanted = self._wanted(known.values(), fields)
+        selected = self._open.select(list(topics), wanted, self._from_ns, self._to_ns)
+        return {topic: self._samples(known[topic], wanted, of) for topic, of in zip(topics, selected)}
 
-    def chunks(self, topic: str, rows: int = 65_536) -> Iterator[Samples]:
-        """A topic's samples in arrays of at most ``rows``, one after the other: of a log that memory does not hold."""
-        self._topic(topic)
+    def chunks(self, topic: str, rows: int = 65_536, fields: Sequence[str] = ()) -> Iterator[Samples]:
+        """A topic's samples in arrays of at most ``rows``, one after the other: of a log that memory does not hold.
+        ``fields`` as in :meth:`read`."""
+        wanted = self._wanted([self._topic(topic)], fields)
         if rows < 1:
             raise ValueError("rows must be 1 or more")
-        blocks = self._open.blocks(topic, rows, self._from_ns, self._to_ns)
+        blocks = self._open.blocks(topic, wanted, rows, self._from_ns, self._to_ns)
         try:
-            for fields, size, data in blocks:
-                yield samples_of(fields, size, data, topic, self.start_ns)
+            for described, size, data in blocks:
+                yield samples_of(described, size, data, topic, self.start_ns)
         finally:
             blocks.close()
 
-    def _samples(self, topic: Topic, selected: Optional[_fss.Selected]) -> Samples:
+    @staticmethod
+    def _wanted(topics: Iterable[Topic], fields: Sequence[str]) -> list[str]:
+        if isinstance(fields, str):
+            raise TypeError("fields is a list of names")
+        for topic in topics:
+            for field in fields:
+                if field not in topic.fields:
+                    raise KeyError(f"{topic.name} has no field '{field}'; it has {', '.join(topic.fields)}")
+        return ["stamp_ns", *fields] if fields else []
+
+    def _samples(self, topic: Topic, wanted: list[str], selected: Optional[tuple[list[tuple[str, str, int, str]], int, npt.NDArray[np.uint8]]]) -> Samples:
         if selected is None:
             if topic.dtype is None:
                 raise _fss.Error(f"{self.path}: topic {topic.name} holds no plain samples")
-            fields, size = self._all["topics"][topic.name][3], None
-            return samples_of(fields, size or topic.dtype.itemsize, np.empty(0, np.uint8), topic.name, self.start_ns)
-        fields, size, data = selected
-        return samples_of(fields, size, data, topic.name, self.start_ns)
+            described = self._all["topics"][topic.name][3]
+            if wanted:
+                described = [field for field in described if field[0] in wanted]
+            return samples_of(described, None, np.empty(0, np.uint8), topic.name, self.start_ns)
+        described, size, data = selected
+        return samples_of(described, size, data, topic.name, self.start_ns)
 
     # slices
 

@@ -124,7 +124,7 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
 
 
 def samples_of(
-    fields: list[tuple[str, str, int, str]], size: int, data: npt.NDArray[np.uint8], topic: str, start_ns: int
+    fields: list[tuple[str, str, int, str]], size: Optional[int], data: npt.NDArray[np.uint8], topic: str, start_ns: int
 ) -> Samples:
     """Looks at bytes of samples as an array."""
     dtype = dtype_of(fields, size)

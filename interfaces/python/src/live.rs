@@ -15,7 +15,7 @@ struct Topics(Vec<LiveTopic>);
 impl TopicVisitor for Topics {
     fn visit<T: Sample>(&mut self, topic: Topic<T>, _: &'static str) {
         let definition = Definition::of::<T>();
-        self.0.push((topic.name.to_owned(), definition.type_name(), definition.size, fields(&definition)));
+        self.0.push((topic.name.to_owned(), definition.type_name(), definition.size, fields(&definition.fields)));
     }
 }
 

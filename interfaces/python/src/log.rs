@@ -1,8 +1,8 @@
 //! Logs: what they hold, and the samples of topics as bytes that NumPy looks at in place.
 
 use crate::error::from_error;
-use fss_messages::{Definition, Scalar};
-use fss_records::log::{Log, LogError};
+use fss_messages::{Definition, Field, Scalar};
+use fss_records::log::{Layout, Log, LogError, Selection};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -65,34 +65,37 @@ impl LogFile {
         Ok(all)
     }
 
-    /// The samples of topics with a log time in a range, in one pass.
+    /// The samples of topics with a log time in a range, in one pass: these fields of them, or all where there are none.
     fn select<'py>(
         &self,
         py: Python<'py>,
         topics: Vec<String>,
+        fields: Vec<String>,
         from_ns: u64,
         to_ns: u64,
     ) -> PyResult<Vec<Option<Selected<'py>>>> {
         let selected = py.detach(|| {
-            let mut found: Vec<Option<(Definition, Vec<u8>)>> = topics.iter().map(|_| None).collect();
-            let take = |topic: usize, definition: &Definition, bytes| {
-                found[topic] = Some((definition.clone(), bytes));
+            let mut found: Vec<Option<(Layout, Vec<u8>)>> = topics.iter().map(|_| None).collect();
+            let take = |topic: usize, layout: &Layout, bytes| {
+                found[topic] = Some((layout.clone(), bytes));
                 true
             };
-            self.open()?.select(&topics, from_ns..=to_ns, usize::MAX, take)?;
+            let selection = Selection { topics, fields, log_time_ns: from_ns..=to_ns, most_rows: usize::MAX };
+            self.open()?.select(&selection, take)?;
             Ok::<_, LogError>(found)
         });
         let selected = selected.map_err(|e| from_error(&e))?;
-        Ok(selected.into_iter().map(|of| of.map(|(definition, bytes)| selected_of(py, &definition, bytes))).collect())
+        Ok(selected.into_iter().map(|of| of.map(|(layout, bytes)| selected_of(py, &layout, bytes))).collect())
     }
 
-    /// A topic's samples in blocks of at most so many rows.
-    fn blocks(&self, topic: String, rows: usize, from_ns: u64, to_ns: u64) -> PyResult<Blocks> {
+    /// A topic's samples in blocks of at most so many rows: these fields of them, or all where there are none.
+    fn blocks(&self, topic: String, fields: Vec<String>, rows: usize, from_ns: u64, to_ns: u64) -> PyResult<Blocks> {
         let log = self.open().map_err(|e| from_error(&e))?;
         let (hand, receiver) = sync_channel(BLOCKS_AHEAD);
         thread::spawn(move || {
-            let give = |_: usize, definition: &Definition, bytes| hand.send(Ok((definition.clone(), bytes))).is_ok();
-            if let Err(e) = log.select(&[topic], from_ns..=to_ns, rows, give) {
+            let give = |_: usize, layout: &Layout, bytes| hand.send(Ok((layout.clone(), bytes))).is_ok();
+            let selection = Selection { topics: vec![topic], fields, log_time_ns: from_ns..=to_ns, most_rows: rows };
+            if let Err(e) = log.select(&selection, give) {
                 // Nobody may be there to hear it.
                 let _ = hand.send(Err(e));
             }
@@ -101,7 +104,7 @@ impl LogFile {
     }
 }
 
-type Given = Result<(Definition, Vec<u8>), LogError>;
+type Given = Result<(Layout, Vec<u8>), LogError>;
 
 /// An iterator over blocks of samples. The file is read ahead by a block; who stops early ends the reading.
 #[pyclass(frozen, module = "fss")]
@@ -121,7 +124,7 @@ impl Blocks {
             receiver.as_ref().and_then(|receiver| receiver.recv().ok())
         });
         match given {
-            Some(Ok((definition, bytes))) => Ok(Some(selected_of(py, &definition, bytes))),
+            Some(Ok((layout, bytes))) => Ok(Some(selected_of(py, &layout, bytes))),
             Some(Err(e)) => Err(from_error(&e)),
             None => Ok(None),
         }
@@ -132,17 +135,17 @@ impl Blocks {
     }
 }
 
-fn selected_of<'py>(py: Python<'py>, definition: &Definition, bytes: Vec<u8>) -> Selected<'py> {
-    (fields(definition), definition.size, PyArray1::from_vec(py, bytes))
+fn selected_of<'py>(py: Python<'py>, layout: &Layout, bytes: Vec<u8>) -> Selected<'py> {
+    (fields(&layout.fields), layout.size, PyArray1::from_vec(py, bytes))
 }
 
 /// The fields of a topic, where its schema is one of plain samples.
 fn fields_of(schema: &str, definition: &str) -> Option<Vec<FieldTuple>> {
-    Definition::parse(schema, definition).ok().map(|definition| fields(&definition))
+    Definition::parse(schema, definition).ok().map(|definition| fields(&definition.fields))
 }
 
-pub(crate) fn fields(definition: &Definition) -> Vec<FieldTuple> {
-    let named = definition.fields.iter().filter(|field| !field.is_padding());
+pub(crate) fn fields(fields: &[Field<String>]) -> Vec<FieldTuple> {
+    let named = fields.iter().filter(|field| !field.is_padding());
     let each = named.map(|field| {
         let scalar = match field.scalar {
             Scalar::U8 => "u1",

@@ -15,6 +15,15 @@ def test_examples_are_typed(tmp_path):
     assert checked.returncode == 0, checked.stdout
 
 
+def test_stubs_say_what_the_native_module_has(tmp_path):
+    optional("mypy")
+    # A native module lists all that it has; its stub need not.
+    (tmp_path / "allowed").write_text("fss\\._fss\\.__all__\n")
+    command = [sys.executable, "-m", "mypy.stubtest", "fss._fss", "--allowlist", "allowed"]
+    checked = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert checked.returncode == 0, checked.stdout
+
+
 @pytest.mark.parametrize("name", ["flight", "laboratory", "campaign_dask"])
 def test_examples_run(name, tmp_path):
     if name == "campaign_dask":

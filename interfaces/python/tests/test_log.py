@@ -39,6 +39,17 @@ def test_chunks_are_the_whole(flight):
     assert len(first) == 10
 
 
+def test_some_fields_alone_have_the_values_of_whole_samples(flight):
+    whole = flight.between(5.0, 20.0)["/nav/state"]
+    part = flight.between(5.0, 20.0).read(["/nav/state"], fields=["std", "x_m"])["/nav/state"]
+    assert set(part.fields) == {"stamp_ns", "x_m", "std"} and part.dtype.itemsize == 8 * 9
+    assert np.array_equal(part["std"], whole["std"]) and np.array_equal(part.t_s, whole.t_s)
+    chunks = flight.between(5.0, 20.0).chunks("/nav/state", rows=77, fields=["x_m"])
+    assert np.array_equal(np.concatenate([chunk["x_m"] for chunk in chunks]), whole["x_m"])
+    with pytest.raises(KeyError, match="no field 'z_m'"):
+        flight.read(["/nav/state"], fields=["z_m"])
+
+
 def test_slices_by_time_and_phase_hold_what_was_published_in_them(flight):
     whole = flight["/nav/state"]
     part = flight.between(10.0, 12.5)["/nav/state"]

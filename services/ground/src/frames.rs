@@ -1,9 +1,8 @@
 //! Where the vehicle is, as standard messages: `/tf`, `/joint_states`, `/nav/pose`, `/robot_description`.
 
-use crate::GroundError;
-use crate::downlink::{at, ros_channel};
+use crate::channels::{Channel, Channels};
+use crate::server::Server;
 use crate::topics::AllTopics;
-use foxglove::{Context, RawChannel};
 use fss_bus::{Bus, Time};
 use fss_messages::{MAX_LINKS, MissionState, NavState, topic};
 use fss_plant::Plant;
@@ -11,7 +10,6 @@ use fss_plant::urdf::{ARM_HEIGHT_M, ArmFrames, BASE, urdf};
 use fss_ros2::cdr::Cdr;
 use fss_ros2::robot::{Robot, TABLE, tf_message};
 use fss_ros2::standard as ros;
-use std::sync::Arc;
 
 /// Name of the frame of the target body.
 pub(crate) const TARGET: &str = "target";
@@ -20,48 +18,48 @@ const DESCRIPTION_PERIOD_NS: u64 = 1_000_000_000;
 
 /// Says where everything is.
 pub(crate) struct Frames {
-    transforms: Arc<RawChannel>,
-    joints: Arc<RawChannel>,
-    pose: Arc<RawChannel>,
-    description: Arc<RawChannel>,
+    transforms: Channel,
+    joints: Channel,
+    pose: Channel,
+    description: Channel,
     urdf: String,
     next_description_ns: u64,
     robot: Robot,
 }
 
 impl Frames {
-    pub(crate) fn new(context: &Arc<Context>, plant: &Plant, bus: &Bus) -> Result<Self, GroundError> {
-        let channel = |name: &str, definition: &ros::Definition| {
-            ros_channel(context, &bus.full_name(name), definition.name, definition.text())
+    pub(crate) fn new(channels: &mut Channels, plant: &Plant, bus: &Bus) -> Self {
+        let mut channel = |name: &str, definition: &ros::Definition| {
+            channels.ros(&bus.full_name(name), definition.name, &definition.text())
         };
-        Ok(Self {
-            transforms: channel("/tf", &ros::TF_MESSAGE)?,
-            joints: channel("/joint_states", &ros::JOINT_STATE)?,
-            pose: channel("/nav/pose", &ros::POSE_STAMPED)?,
-            description: channel("/robot_description", &ros::STRING)?,
+        Self {
+            transforms: channel("/tf", &ros::TF_MESSAGE),
+            joints: channel("/joint_states", &ros::JOINT_STATE),
+            pose: channel("/nav/pose", &ros::POSE_STAMPED),
+            description: channel("/robot_description", &ros::STRING),
             urdf: urdf(plant),
             next_description_ns: 0,
             robot: robot(plant, vehicle_prefix(bus)),
-        })
+        }
     }
 
     /// Sends what is new.
-    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics) {
+    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, server: &Server) {
         if now.ns() >= self.next_description_ns {
             self.next_description_ns = now.ns() + DESCRIPTION_PERIOD_NS;
-            self.description.log_with_meta(&Cdr::default().text(&self.urdf).message(), at(now.ns()));
+            server.send(self.description, now.ns(), &Cdr::default().text(&self.urdf).message());
         }
         let mut transforms = Vec::new();
         if let Some(nav) = inputs.samples(topic::NAV_STATE).last() {
             let pose = [nav.x_m, nav.y_m, nav.theta_rad];
             if nav.mode != NavState::INITIALISING {
                 let message = Cdr::default().header(nav.stamp_ns, TABLE).pose(pose, 0.0).message();
-                self.pose.log_with_meta(&message, at(nav.published_ns));
+                server.send(self.pose, nav.published_ns, &message);
                 transforms.push(self.robot.base(nav.stamp_ns, pose));
             }
         }
         if let Some(links) = inputs.samples(topic::LINKS_STATE).last() {
-            self.joints.log_with_meta(&self.robot.joint_states(links.stamp_ns, links), at(links.published_ns));
+            server.send(self.joints, links.published_ns, &self.robot.joint_states(links.stamp_ns, links));
             transforms.extend(self.robot.arm(links.stamp_ns, &links.q_rad));
         }
         if let Some(mission) = inputs.samples(topic::MISSION_STATE).last().filter(|m| m.target_seen != 0) {
@@ -69,7 +67,7 @@ impl Frames {
             transforms.push(self.robot.target(mission.stamp_ns, mission.target));
         }
         if !transforms.is_empty() {
-            self.transforms.log_with_meta(&tf_message(&transforms), at(now.ns()));
+            server.send(self.transforms, now.ns(), &tf_message(&transforms));
         }
     }
 }

@@ -13,20 +13,24 @@
 //! It never hurts the flight: it reads from the overflowing buffers of shared memory as any subscriber does, and what a
 //! slow client does not fetch is dropped from that client's own bounded queue, counted and said.
 
+mod channels;
 mod downlink;
+mod frame;
 mod frames;
 mod gate;
 mod metrics;
-mod overflow;
+mod origin;
+mod outbox;
 mod scene;
 mod server;
 mod topics;
 mod uplink;
+mod viewer;
 
-pub use overflow::overflow_layer;
 pub use server::{GroundConfig, GroundError};
 pub use topics::AllTopics;
 
+use channels::Channels;
 use downlink::Downlink;
 use frames::Frames;
 use fss_bus::{Bus, BusError, Output, OutputPort, Service, Time, outputs};
@@ -86,12 +90,12 @@ impl Ground {
     /// # Errors
     /// Where the address cannot be listened at.
     pub fn listen(config: &GroundConfig, plant: &Plant, bus: &Bus) -> Result<Self, GroundError> {
-        let context = foxglove::Context::new();
-        let downlink = Downlink::new(&context, bus)?;
-        let frames = Frames::new(&context, plant, bus)?;
-        let scene = Scene::new(&context, plant, bus);
-        let uplink = Uplink::new(config.commands);
-        let server = Server::start(config, &context, &uplink, bus)?;
+        let mut channels = Channels::default();
+        let downlink = Downlink::new(&mut channels, bus);
+        let frames = Frames::new(&mut channels, plant, bus);
+        let scene = Scene::new(&mut channels, plant, bus);
+        let uplink = Uplink::new(config.commands, bus);
+        let server = Server::start(config, channels, uplink.desk())?;
         let what = if config.commands { "and takes commands" } else { "and only shows" };
         let address = Some(format!("listens at {}:{} {what}", config.listen.ip(), server.port()));
         Ok(Self { downlink, frames, scene, uplink, server, metrics: Metrics::default(), address })
@@ -110,16 +114,16 @@ impl Service for Ground {
 
     /// Unlike a flight service it allocates: each client's queue holds copies of its own.
     fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
-        self.downlink.send(inputs);
-        self.frames.send(now, inputs);
-        self.scene.send(now, inputs);
+        self.downlink.send(inputs, &self.server);
+        self.frames.send(now, inputs, &self.server);
+        self.scene.send(now, inputs, &self.server);
         if let Some(text) = self.metrics.learn(now, inputs) {
             self.server.set_metrics(text);
         }
         let Outputs { parameters, mission, events, lost } = outputs;
         lost.0 += self.server.lost();
         self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });
-        self.server.tell(self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
+        self.server.tell(&self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
         if let Some(words) = self.address.take() {
             events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
         }

@@ -2,14 +2,11 @@
 
 use clap::Parser;
 use fss_bus::Service;
-use fss_ground::{Ground, GroundConfig, overflow_layer};
+use fss_ground::{Ground, GroundConfig};
 use fss_plant::Plant;
 use fss_service::{MISSION_FILE, PLANT_FILE, Process, SiteArgs, explain_errors};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer};
 
 /// Show a running stack to Foxglove, Lichtblick and PlotJuggler.
 #[derive(Parser)]
@@ -30,9 +27,6 @@ const NICE_TO_THE_FLIGHT: i32 = 10;
 
 fn main() -> Result<()> {
     explain_errors();
-    let words = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
-    let words = words.with_filter(EnvFilter::from_default_env());
-    tracing_subscriber::registry().with(words).with(overflow_layer()).init();
     let site = Process::open(Ground::NAME, &Cli::parse().site)?;
     let where_to = site.launch.ground.clone().ok_or_else(|| {
         miette!(help = "[ground]\nlisten = \"127.0.0.1:8765\"", "the launch file does not say where to listen")

@@ -1,19 +1,19 @@
 //! What decorates a three-dimensional view, slowly: the table, the plumes of open valves, the target.
 
-use crate::downlink::at;
+use crate::channels::{Channel, Channels};
 use crate::frames::{TARGET, vehicle_prefix};
+use crate::server::Server;
 use crate::topics::AllTopics;
+use foxglove::Encode;
 use foxglove::messages::{
     Color, CylinderPrimitive, Duration, LinePrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate, Timestamp,
     TriangleListPrimitive, Vector3, line_primitive,
 };
-use foxglove::{Channel, ChannelBuilder, Context};
 use fss_bus::{Bus, Time};
 use fss_messages::topic;
 use fss_plant::Plant;
 use fss_plant::urdf::{ARM_HEIGHT_M, BASE};
 use fss_ros2::robot::TABLE;
-use std::sync::Arc;
 
 /// Between two pictures of the plumes, ns.
 const PERIOD_NS: u64 = 100_000_000;
@@ -26,7 +26,7 @@ const PLUME_HALF_WIDTH_M: f64 = 0.02;
 
 /// Draws the decorations.
 pub(crate) struct Scene {
-    channel: Channel<SceneUpdate>,
+    channel: Channel,
     base: String,
     target: String,
     table_m: [f64; 2],
@@ -40,7 +40,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    pub(crate) fn new(context: &Arc<Context>, plant: &Plant, bus: &Bus) -> Self {
+    pub(crate) fn new(channels: &mut Channels, plant: &Plant, bus: &Bus) -> Self {
         let plume = |thruster: &fss_plant::Thruster| {
             let ([x, y], [ux, uy]) = (thruster.position_m, thruster.unit_direction());
             // Gas leaves against the force.
@@ -48,8 +48,10 @@ impl Scene {
             let aside = [-uy * PLUME_HALF_WIDTH_M, ux * PLUME_HALF_WIDTH_M];
             [[x, y], [end[0] + aside[0], end[1] + aside[1]], [end[0] - aside[0], end[1] - aside[1]]]
         };
+        let schema = SceneUpdate::get_schema();
+        let (name, descriptors) = schema.as_ref().map_or(("", &[][..]), |schema| (&schema.name, &schema.data));
         Self {
-            channel: ChannelBuilder::new(bus.full_name("/scene")).context(context).build(),
+            channel: channels.protobuf(&bus.full_name("/scene"), name, descriptors),
             base: format!("{}{BASE}", vehicle_prefix(bus)),
             target: format!("{}{TARGET}", vehicle_prefix(bus)),
             table_m: plant.table.size_m,
@@ -62,7 +64,7 @@ impl Scene {
     }
 
     /// Sends a picture where it is time for one.
-    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics) {
+    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, server: &Server) {
         for state in inputs.samples(topic::THRUSTERS_STATE) {
             let open = state.valves.iter().enumerate().filter(|(_, valve)| **valve != 0);
             self.fired |= open.fold(0, |mask, (i, _)| mask | 1 << i);
@@ -78,7 +80,10 @@ impl Scene {
         }
         self.pictures += 1;
         self.fired = 0;
-        self.channel.log_with_meta(&SceneUpdate { deletions: Vec::new(), entities }, at(now.ns()));
+        let mut picture = Vec::new();
+        // Encoding to memory does not fail.
+        let _ = SceneUpdate { deletions: Vec::new(), entities }.encode(&mut picture);
+        server.send(self.channel, now.ns(), &picture);
     }
 
     fn plumes(&self, now: Time) -> SceneEntity {

@@ -1,21 +1,24 @@
-//! The server of the library, behind the gate.
+//! The server of the Foxglove WebSocket protocol (`foxglove.sdk.v1`): viewers, and what they share.
 
-use crate::gate::{Gate, hidden_address};
-use crate::overflow;
-use crate::uplink::Uplink;
+use crate::channels::{Channel, Channels};
+use crate::frame;
+use crate::gate::Gate;
+use crate::uplink::{Desk, Told};
+use crate::viewer::{FAREWELL, Viewer};
 use crossbeam::queue::ArrayQueue;
-use foxglove::websocket::{Parameter, ServerListener};
-use foxglove::{Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
-use fss_bus::{Bus, Queue};
+use fss_bus::Queue;
 use fss_messages::Event;
+use serde_json::json;
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
-/// Messages that wait for the gate, for each client; the gate takes them at once.
-const BACKLOG: usize = 2048;
-/// Words about clients that wait to be said.
+/// Words about viewers that wait to be said.
 const WORDS: usize = 64;
+/// Refusals are told no more often, whatever a page tries.
+const BETWEEN_WORDS: Duration = Duration::from_secs(10);
 
 /// Where to listen, and as what.
 #[derive(Clone, Debug)]
@@ -41,64 +44,107 @@ pub enum GroundError {
         /// What the system says.
         source: io::Error,
     },
-    /// The library's server does not start.
-    #[error("the server does not start: {0}")]
-    Server(FoxgloveError),
     /// Whoever reaches the address could command.
     #[error("commands are taken from this computer alone, and {0} is reached from others")]
     Exposed(SocketAddr),
-    /// A channel is refused.
-    #[error("a channel is refused: {0}")]
-    Channel(#[from] FoxgloveError),
 }
 
-/// Tells who comes and goes.
-struct Doorkeeper(Queue<&'static str>);
+/// What viewers share.
+pub(crate) struct Shared {
+    /// Pages that may come in beside this computer's own.
+    pub(crate) origins: Vec<String>,
+    pub(crate) channels: Channels,
+    pub(crate) desk: Arc<Desk>,
+    /// The name of the source.
+    name: String,
+    viewers: Mutex<Vec<Arc<Viewer>>>,
+    /// Samples that slow viewers have lost and that are not told yet.
+    lost: AtomicU64,
+    words: Queue<(u8, String)>,
+    last_word: Mutex<Option<Instant>>,
+    /// What `GET /metrics` answers.
+    metrics: Mutex<String>,
+}
 
-impl ServerListener for Doorkeeper {
-    fn on_client_connect(&self) {
-        self.0.force_push("a viewer has come");
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    /// Tells a viewer what there is, and counts it among those who are served.
+    pub(crate) fn greet(&self, viewer: &Arc<Viewer>) {
+        let session = UNIX_EPOCH.elapsed().map_or(0, |since| since.as_millis()).to_string();
+        let services = self.desk.services();
+        let mut capabilities = vec!["parameters", "parametersSubscribe"];
+        let mut encodings = Vec::new();
+        if !services.is_empty() {
+            capabilities.push("services");
+            encodings.push("json");
+        }
+        viewer.say(frame::text(&json!({
+            "op": "serverInfo", "name": self.name, "capabilities": capabilities,
+            "supportedEncodings": encodings, "sessionId": session,
+        })));
+        viewer.say(self.channels.announcement());
+        if !services.is_empty() {
+            viewer.say(frame::text(&json!({ "op": "advertiseServices", "services": services })));
+        }
+        lock(&self.viewers).push(viewer.clone());
+        self.say(Event::INFO, "a viewer has come".to_owned());
     }
 
-    fn on_client_disconnect(&self) {
-        self.0.force_push("a viewer has gone");
+    /// Forgets one that has gone.
+    pub(crate) fn part(&self, viewer: &Arc<Viewer>) {
+        lock(&self.viewers).retain(|other| !Arc::ptr_eq(other, viewer));
+        self.say(Event::INFO, "a viewer has gone".to_owned());
+    }
+
+    pub(crate) fn say(&self, severity: u8, words: String) {
+        self.words.force_push((severity, words));
+    }
+
+    pub(crate) fn say_rarely(&self, severity: u8, words: String) {
+        let mut last = lock(&self.last_word);
+        if last.is_none_or(|last| last.elapsed() >= BETWEEN_WORDS) {
+            *last = Some(Instant::now());
+            self.say(severity, words);
+        }
+    }
+
+    pub(crate) fn metrics(&self) -> String {
+        lock(&self.metrics).clone()
+    }
+
+    pub(crate) fn count_lost(&self) {
+        self.lost.fetch_add(1, Ordering::Relaxed);
     }
 }
 
 /// The server.
 pub(crate) struct Server {
-    handle: WebSocketServerHandle,
     gate: Gate,
-    words: Queue<&'static str>,
-    /// Joins channels and viewers for as long as it lives.
-    _context: Arc<Context>,
+    shared: Arc<Shared>,
 }
 
 impl Server {
-    pub(crate) fn start(
-        config: &GroundConfig,
-        context: &Arc<Context>,
-        uplink: &Uplink,
-        bus: &Bus,
-    ) -> Result<Self, GroundError> {
+    pub(crate) fn start(config: &GroundConfig, channels: Channels, desk: Arc<Desk>) -> Result<Self, GroundError> {
         if config.commands && !config.listen.ip().is_loopback() {
             return Err(GroundError::Exposed(config.listen));
         }
-        let words = Arc::new(ArrayQueue::new(WORDS));
-        let hidden = hidden_address();
-        let handle = WebSocketServer::new()
-            .context(context)
-            .name(&config.name)
-            .bind(hidden.to_string(), 0)
-            .message_backlog_size(BACKLOG)
-            .parameter_handler(uplink.parameter_handler())
-            .services(uplink.services(bus))
-            .listener(Arc::new(Doorkeeper(words.clone())))
-            .start_blocking()
-            .map_err(GroundError::Server)?;
-        let gate = Gate::open(config.listen, (hidden, handle.port()).into(), config.origins.clone())
+        let shared = Arc::new(Shared {
+            origins: config.origins.clone(),
+            channels,
+            desk,
+            name: config.name.clone(),
+            viewers: Mutex::default(),
+            lost: AtomicU64::new(0),
+            words: Arc::new(ArrayQueue::new(WORDS)),
+            last_word: Mutex::default(),
+            metrics: Mutex::default(),
+        });
+        let gate = Gate::open(config.listen, shared.clone())
             .map_err(|source| GroundError::Listen { address: config.listen, source })?;
-        Ok(Self { handle, gate, words, _context: context.clone() })
+        Ok(Self { gate, shared })
     }
 
     pub(crate) fn port(&self) -> u16 {
@@ -107,38 +153,36 @@ impl Server {
 
     /// What is answered from now on to those who ask for metrics.
     pub(crate) fn set_metrics(&self, text: String) {
-        self.gate.set_metrics(text);
+        *lock(&self.shared.metrics) = text;
     }
 
     /// How many samples slow viewers have lost since this was asked last.
     pub(crate) fn lost(&self) -> u64 {
-        self.gate.lost()
+        self.shared.lost.swap(0, Ordering::Relaxed)
     }
 
-    /// What is to be said of clients, one after another, and how grave it is.
+    /// What is to be said of viewers, one after another, and how grave it is.
     pub(crate) fn next_words(&self) -> Option<(u8, String)> {
-        let come_or_gone = || self.words.pop().map(|words| (Event::INFO, words.to_owned()));
-        let refused_or_slow = || self.gate.next_words().map(|words| (Event::WARNING, words));
-        refused_or_slow().or_else(come_or_gone).or_else(|| self.next_overflow())
+        self.shared.words.pop()
     }
 
-    /// The gate was kept from taking what the library had for it.
-    fn next_overflow(&self) -> Option<(u8, String)> {
-        let known_as = overflow::next_overflow()?;
-        let viewer = self.gate.viewer_at(&known_as).map_or(known_as, |viewer| viewer.to_string());
-        let words = "this process has too little of the processor: messages are lost, uncounted";
-        Some((Event::WARNING, format!("{words}, for the viewer at {viewer}")))
+    /// Whether any viewer wants this channel.
+    pub(crate) fn is_wanted(&self, channel: Channel) -> bool {
+        lock(&self.shared.viewers).iter().any(|viewer| viewer.wants(channel).is_some())
+    }
+
+    /// Sends a message to those who want it. Its time is that of publication, as in the log, on the monotonic clock.
+    pub(crate) fn send(&self, channel: Channel, time_ns: u64, message: &[u8]) {
+        lock(&self.shared.viewers).iter().for_each(|viewer| viewer.give(channel, time_ns, message, &self.shared));
     }
 
     /// Tells those who asked for it of parameters that have changed.
-    pub(crate) fn tell(&self, changed: Vec<Parameter>) {
-        if !changed.is_empty() {
-            self.handle.publish_parameter_values(changed);
-        }
+    pub(crate) fn tell(&self, changed: &[Told]) {
+        lock(&self.shared.viewers).iter().for_each(|viewer| viewer.tell(changed));
     }
 
     pub(crate) fn stop(self) {
-        self.handle.stop().wait_blocking();
-        self.gate.close();
+        lock(&self.shared.viewers).iter().for_each(|viewer| viewer.dismiss());
+        self.gate.wait(FAREWELL);
     }
 }

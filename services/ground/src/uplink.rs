@@ -1,16 +1,13 @@
 //! What viewers ask for: parameters and commands.
 //!
-//! Requests come on the server's threads and wait in a bounded queue for the service's step, as a device's messages do.
+//! Requests come on the viewers' threads and wait in a bounded queue for the service's step, as a device's messages do.
 
 use crossbeam::queue::ArrayQueue;
-use foxglove::Schema;
-use foxglove::websocket::service::{Service, ServiceSchema};
-use foxglove::websocket::{
-    AnyClient, GetParametersResponder, Parameter as Told, ParameterHandler, ParameterValue, SetParametersResponder,
-};
 use fss_bus::{Bus, Output, Queue, Time};
 use fss_messages::parameter::Parameter;
 use fss_messages::{Event, MissionCommand, PARAMETERS, Parameters};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Requests that wait for the next step; more are refused.
@@ -26,16 +23,36 @@ enum Request {
     Refused(String),
 }
 
-/// What the server's threads and the service's step share.
-struct Shared {
+/// A parameter's value, as viewers are told of it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Told {
+    pub(crate) name: &'static str,
+    r#type: &'static str,
+    value: f64,
+}
+
+/// A parameter's value that a viewer asks for.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Asked {
+    name: String,
+    value: Option<Value>,
+}
+
+/// The commands that viewers may call, numbered from 1.
+const COMMANDS: [(&str, u8); 2] = [("/mission/abort", MissionCommand::ABORT), ("/mission/stop", MissionCommand::STOP)];
+
+/// What the viewers' threads and the service's step share.
+pub(crate) struct Desk {
     requests: Queue<Request>,
     in_force: Mutex<Parameters>,
     is_open: bool,
+    /// Names of the commands in this stack.
+    commands: Vec<String>,
 }
 
 /// The way from viewers to the stack.
 pub(crate) struct Uplink {
-    shared: Arc<Shared>,
+    desk: Arc<Desk>,
     /// What viewers have asked for so far.
     wanted: Parameters,
     next_ns: Option<u64>,
@@ -50,46 +67,25 @@ pub(crate) struct Outlets<'a> {
 
 impl Uplink {
     /// One that takes requests, or one that refuses them all.
-    pub(crate) fn new(is_open: bool) -> Self {
-        let shared = Shared {
+    pub(crate) fn new(is_open: bool, bus: &Bus) -> Self {
+        let desk = Desk {
             requests: Arc::new(ArrayQueue::new(REQUESTS)),
             in_force: Mutex::new(Parameters::silent()),
             is_open,
+            commands: COMMANDS.iter().filter(|_| is_open).map(|(name, _)| bus.full_name(name)).collect(),
         };
-        Self { shared: Arc::new(shared), wanted: Parameters::silent(), next_ns: None }
+        Self { desk: Arc::new(desk), wanted: Parameters::silent(), next_ns: None }
     }
 
-    /// What answers for parameters.
-    pub(crate) fn parameter_handler(&self) -> Arc<dyn ParameterHandler> {
-        Arc::new(Handler(self.shared.clone()))
-    }
-
-    /// The commands that viewers may call: none where the uplink is closed.
-    pub(crate) fn services(&self, bus: &Bus) -> Vec<Service> {
-        if !self.shared.is_open {
-            return Vec::new();
-        }
-        let commands = [("/mission/abort", MissionCommand::ABORT), ("/mission/stop", MissionCommand::STOP)];
-        commands.map(|(name, command)| self.service(bus.full_name(name), command)).into()
-    }
-
-    fn service(&self, name: String, command: u8) -> Service {
-        let object = |name: &str, text: &'static str| Schema::new(name, "jsonschema", text.as_bytes());
-        let nothing = object("fss_msgs/Nothing", r#"{"type":"object"}"#);
-        let answer = object("fss_msgs/Accepted", r#"{"type":"object","properties":{"success":{"type":"boolean"}}}"#);
-        let schema =
-            ServiceSchema::new("fss_msgs/srv/Command").with_request("json", nothing).with_response("json", answer);
-        let shared = self.shared.clone();
-        Service::builder(name, schema).handler_fn(move |_| {
-            let request = shared.requests.push(Request::Command(command));
-            request.map(|()| br#"{"success":true}"#).map_err(|_| "too many requests wait")
-        })
+    /// Where viewers ask.
+    pub(crate) fn desk(&self) -> Arc<Desk> {
+        self.desk.clone()
     }
 
     /// Passes on what viewers have asked for since the last step.
     pub(crate) fn pass_on(&mut self, now: Time, outlets: &mut Outlets<'_>) {
         let stamp_ns = now.ns();
-        while let Some(request) = self.shared.requests.pop() {
+        while let Some(request) = self.desk.requests.pop() {
             let (severity, words) = match request {
                 Request::Tune(parameter, value) => {
                     (parameter.set)(&mut self.wanted, value);
@@ -114,67 +110,85 @@ impl Uplink {
 
     /// Takes what services say is in force; gives what has changed.
     pub(crate) fn learn(&self, states: &[Parameters]) -> Vec<Told> {
-        let mut in_force = self.shared.in_force.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut in_force = self.desk.in_force.lock().unwrap_or_else(PoisonError::into_inner);
         let mut changed = Vec::new();
         for (state, parameter) in states.iter().flat_map(|state| PARAMETERS.iter().map(move |p| (state, p))) {
             let value = (parameter.get)(state);
             if !value.is_nan() && value.to_bits() != (parameter.get)(&in_force).to_bits() {
                 (parameter.set)(&mut in_force, value);
-                changed.push(Told::float64(parameter.name, value));
+                changed.push(told(parameter, value));
             }
         }
         changed
     }
 }
 
-struct Handler(Arc<Shared>);
+fn told(parameter: &Parameter, value: f64) -> Told {
+    Told { name: parameter.name, r#type: "float64", value }
+}
 
-impl Handler {
-    /// The value in force, or none where its service has not spoken yet.
-    fn in_force(&self, name: &str) -> Option<Told> {
-        let in_force = self.0.in_force.lock().unwrap_or_else(PoisonError::into_inner);
-        let value = (Parameter::named(name)?.get)(&in_force);
-        (!value.is_nan()).then(|| Told::float64(name, value))
+impl Desk {
+    /// The commands that viewers may call: none where the uplink is closed.
+    pub(crate) fn services(&self) -> Vec<Value> {
+        let schema = |name: &str, schema: &str| json!({ "encoding": "json", "schemaName": name, "schemaEncoding": "jsonschema", "schema": schema });
+        let request = schema("fss_msgs/Nothing", r#"{"type":"object"}"#);
+        let response = schema("fss_msgs/Accepted", r#"{"type":"object","properties":{"success":{"type":"boolean"}}}"#);
+        let service = |(number, name): (usize, &String)| json!({ "id": number + 1, "name": name, "type": "fss_msgs/srv/Command", "request": request, "response": response });
+        self.commands.iter().enumerate().map(service).collect()
     }
 
-    /// Takes a value; says why not.
-    fn take(&self, told: &Told) -> Result<Told, String> {
-        let name = &told.name;
-        if !self.0.is_open {
+    /// Takes the command with this number; gives what is answered.
+    pub(crate) fn call(&self, number: u32) -> Result<&'static [u8], &'static str> {
+        let known = COMMANDS.iter().take(self.commands.len()).zip(1..).find(|(_, of)| *of == number);
+        let ((_, command), _) = known.ok_or("there is no such command")?;
+        let request = self.requests.push(Request::Command(*command));
+        request.map(|()| &br#"{"success":true}"#[..]).map_err(|_| "too many requests wait")
+    }
+
+    /// The values in force of parameters of these names, or of all where there is none; without those whose service has not
+    /// spoken yet.
+    pub(crate) fn get(&self, names: &[String]) -> Vec<Told> {
+        let wanted =
+            PARAMETERS.iter().filter(|parameter| names.is_empty() || names.iter().any(|n| n == parameter.name));
+        wanted.filter_map(|parameter| self.in_force(parameter)).collect()
+    }
+
+    fn in_force(&self, parameter: &Parameter) -> Option<Told> {
+        let in_force = self.in_force.lock().unwrap_or_else(PoisonError::into_inner);
+        let value = (parameter.get)(&in_force);
+        (!value.is_nan()).then(|| told(parameter, value))
+    }
+
+    /// Takes values. Gives what is asked for where it is taken, else what stays in force; and why.
+    pub(crate) fn set(&self, asked: &[Asked]) -> (Vec<Told>, Vec<String>) {
+        let (mut answer, mut refusals) = (Vec::new(), Vec::new());
+        for asked in asked {
+            match self.take(asked) {
+                Ok(taken) => answer.push(taken),
+                Err(why) => {
+                    self.requests.force_push(Request::Refused(why.clone()));
+                    refusals.push(why);
+                    answer.extend(Parameter::named(&asked.name).and_then(|parameter| self.in_force(parameter)));
+                }
+            }
+        }
+        (answer, refusals)
+    }
+
+    fn take(&self, asked: &Asked) -> Result<Told, String> {
+        let name = &asked.name;
+        if !self.is_open {
             return Err(format!("{name} stays: this view only watches ([ground] commands = true lets it tune)"));
         }
         let Some(parameter) = Parameter::named(name) else { return Err(format!("there is no parameter '{name}'")) };
-        let value = match told.value {
-            Some(ParameterValue::Float64(value)) => value,
-            Some(ParameterValue::Integer(value)) => value as f64,
-            _ => return Err(format!("{name} stays: its value is a number")),
+        let Some(value) = asked.value.as_ref().and_then(Value::as_f64) else {
+            return Err(format!("{name} stays: its value is a number"));
         };
         if !parameter.allows(value) {
             let (least, most) = (parameter.least, parameter.most);
             return Err(format!("{name} = {value} refused: it lies between {least} and {most}"));
         }
-        let request = self.0.requests.push(Request::Tune(parameter, value));
-        request.map(|()| Told::float64(name, value)).map_err(|_| format!("{name} stays: too many requests wait"))
-    }
-}
-
-impl ParameterHandler for Handler {
-    fn get(&self, _client: AnyClient, names: Vec<String>, _id: Option<String>, responder: GetParametersResponder) {
-        let all = || PARAMETERS.iter().map(|parameter| parameter.name.to_owned()).collect();
-        let names: Vec<String> = if names.is_empty() { all() } else { names };
-        responder.respond(names.iter().filter_map(|name| self.in_force(name)).collect());
-    }
-
-    /// Answers with what is asked for where it is taken, else with what stays in force, and why.
-    fn set(&self, client: AnyClient, told: Vec<Told>, _id: Option<String>, responder: SetParametersResponder) {
-        let answer = told.iter().filter_map(|told| match self.take(told) {
-            Ok(taken) => Some(taken),
-            Err(why) => {
-                client.send_warning(&why);
-                self.0.requests.force_push(Request::Refused(why));
-                self.in_force(&told.name)
-            }
-        });
-        responder.respond(answer.collect());
+        let request = self.requests.push(Request::Tune(parameter, value));
+        request.map(|()| told(parameter, value)).map_err(|_| format!("{name} stays: too many requests wait"))
     }
 }

@@ -5,6 +5,8 @@
 //! sample's `published_ns` on the monotonic clock; the metadata record `fss` ties that clock to the calendar.
 //! Plant, mission and launch file are attachments.
 
+mod contents;
+mod indexed;
 mod reader;
 mod recover;
 mod scan;
@@ -12,10 +14,11 @@ mod select;
 mod table;
 mod writer;
 
+pub use contents::{Contents, Topic};
 pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
 pub use recover::Recovered;
 pub use scan::Damage;
-pub use select::{Contents, Topic};
+pub use select::{Layout, Selection};
 pub use table::definition_of;
 pub use writer::{LogWriter, Recorded, Storage};
 

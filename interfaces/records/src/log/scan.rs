@@ -6,8 +6,9 @@
 
 use mcap::parse_record;
 use mcap::read::ChannelAccumulator;
-use mcap::records::{AttachmentHeader, MessageHeader, Metadata, Record, op};
+use mcap::records::{AttachmentHeader, ChunkIndex, MessageHeader, Metadata, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions, SummaryReadEvent, SummaryReader};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -16,13 +17,15 @@ use std::sync::Arc;
 /// Opcode and length in front of each record.
 const FRAME_LEN: u64 = 9;
 /// No chunk of ours is larger, compressed or not; a length beyond it is damage.
-const LONGEST_RECORD: usize = 64 << 20;
+pub(super) const LONGEST_RECORD: usize = 64 << 20;
 /// What stands in a chunk's body before the name of its compression: two times, size, checksum, the name's length.
 const CHUNK_HEAD_LEN: u64 = 8 + 8 + 8 + 4 + 4;
 /// No compression has a longer name.
 const LONGEST_NAME: u64 = 16;
 /// How much is searched at once for the next chunk.
 const SEARCH_LEN: usize = 1 << 20;
+/// What is read ahead: little, as most of a file is passed over or read at once.
+const BUFFER_LEN: usize = 1 << 12;
 /// The longest header of a chunk.
 const CHUNK_HEADER_LEN: usize = (FRAME_LEN + CHUNK_HEAD_LEN + LONGEST_NAME + 8) as usize;
 
@@ -65,10 +68,11 @@ pub(super) struct Scan {
     confirmed: u64,
     end: u64,
     channels: ChannelAccumulator<'static>,
-    /// Whether the channels are known from a summary, so that a chunk may be passed over.
-    has_summary: bool,
+    /// Where a summary says that each chunk ends with its indexes, by where it begins. With a summary channels are known
+    /// from there, so that a chunk may be passed over.
+    ends: Option<HashMap<u64, u64>>,
     record: Vec<u8>,
-    reader: LinearReader,
+    unpacker: Unpacker,
     damage: Damage,
 }
 
@@ -128,14 +132,36 @@ pub(super) fn summary(path: &Path) -> io::Result<Option<mcap::Summary>> {
     Ok(reader.finish())
 }
 
-fn new_reader() -> LinearReader {
-    LinearReader::new_with_options(
-        LinearReaderOptions::default()
+/// Unpacks chunks.
+pub(super) struct Unpacker(LinearReader);
+
+impl Unpacker {
+    pub(super) fn new() -> Self {
+        let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST_RECORD),
-    )
+            .with_record_length_limit(LONGEST_RECORD);
+        Self(LinearReader::new_with_options(options))
+    }
+
+    /// Gives the records, opcode and body, of a chunk that stands here with its opcode and length; nothing comes from one
+    /// whose checksum is wrong. False where the chunk is damaged or `each` says so.
+    pub(super) fn each_record(&mut self, chunk: &[u8], mut each: impl FnMut(u8, &[u8]) -> bool) -> bool {
+        self.0.insert(chunk.len())[..chunk.len()].copy_from_slice(chunk);
+        self.0.notify_read(chunk.len());
+        let mut whole = true;
+        loop {
+            match self.0.next_event() {
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => whole &= each(opcode, data),
+                Some(Ok(LinearReadEvent::ReadRequest(_))) => return whole,
+                Some(Err(_)) | None => {
+                    *self = Self::new();
+                    return false;
+                }
+            }
+        }
+    }
 }
 
 impl Scan {
@@ -143,11 +169,11 @@ impl Scan {
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         // Channels are told once, in the first chunk: a summary has them again where that chunk is damaged.
         let summary = summary(path)?;
-        let has_summary = summary.is_some();
+        let ends = summary.as_ref().map(|summary| summary.chunk_indexes.iter().map(end_of).collect());
         let channels = summary.map_or_else(ChannelAccumulator::default, |s| ChannelAccumulator::from_summary(&s));
         let file = File::open(path)?;
         let end = file.metadata()?.len();
-        let mut file = BufReader::with_capacity(1 << 16, file);
+        let mut file = BufReader::with_capacity(BUFFER_LEN, file);
         let at = (mcap::MAGIC.len() as u64).min(end);
         file.seek(SeekFrom::Start(at))?;
         Ok(Self {
@@ -156,9 +182,9 @@ impl Scan {
             confirmed: at,
             end,
             channels,
-            has_summary,
+            ends,
             record: Vec::new(),
-            reader: new_reader(),
+            unpacker: Unpacker::new(),
             damage: Damage::default(),
         })
     }
@@ -172,7 +198,9 @@ impl Scan {
                 Next::Record { opcode, len } => {
                     let found = self.record(opcode, len, visitor)?;
                     if !matches!(found, Found::Lost) {
-                        self.go_to(self.at + FRAME_LEN + len)?;
+                        let end = self.at + FRAME_LEN + len;
+                        let indexed = self.ends.as_ref().and_then(|ends| ends.get(&self.at).copied());
+                        self.go_to(indexed.filter(|to| (end..=self.end).contains(to)).unwrap_or(end))?;
                         if !matches!(found, Found::Plausible) {
                             self.confirmed = self.at;
                         }
@@ -229,7 +257,7 @@ impl Scan {
         if !wanted {
             return Ok(Found::Plausible);
         }
-        if opcode == op::CHUNK && (!V::MESSAGES || self.has_summary) {
+        if opcode == op::CHUNK && (!V::MESSAGES || self.ends.is_some()) {
             let mut header = [0; CHUNK_HEADER_LEN];
             let header = &mut header[..CHUNK_HEADER_LEN.min((FRAME_LEN + len) as usize)];
             self.file.seek(SeekFrom::Start(self.at))?;
@@ -247,32 +275,15 @@ impl Scan {
         let body = &self.record[FRAME_LEN as usize..];
         Ok(match opcode {
             op::CHUNK if !is_chunk_header(&self.record, self.end - self.at) => Found::Lost,
-            op::CHUNK => Found::whole_if(self.chunk(visitor)),
+            op::CHUNK => {
+                let Self { unpacker, record, channels, .. } = self;
+                Found::whole_if(unpacker.each_record(record, |opcode, data| take(channels, opcode, data, visitor)))
+            }
             op::ATTACHMENT if !is_attachment(body) => Found::Lost,
             op::ATTACHMENT => Found::whole_if(take(&mut self.channels, opcode, body, visitor)),
             _ if take(&mut self.channels, opcode, body, visitor) => Found::Plausible,
             _ => Found::Lost,
         })
-    }
-
-    /// Unpacks the chunk in `record`; nothing comes from one whose checksum is wrong.
-    fn chunk<V: Visitor>(&mut self, visitor: &mut V) -> bool {
-        let total = self.record.len();
-        self.reader.insert(total)[..total].copy_from_slice(&self.record);
-        self.reader.notify_read(total);
-        let mut whole = true;
-        loop {
-            match self.reader.next_event() {
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    whole &= take(&mut self.channels, opcode, data, visitor);
-                }
-                Some(Ok(LinearReadEvent::ReadRequest(_))) => return whole,
-                Some(Err(_)) | None => {
-                    self.reader = new_reader();
-                    return false;
-                }
-            }
-        }
     }
 
     /// Where behind the confirmed part the next chunk begins whose header agrees with its length.
@@ -313,6 +324,12 @@ fn take<V: Visitor>(channels: &mut ChannelAccumulator<'static>, opcode: u8, data
         Err(_) => return false,
     }
     true
+}
+
+/// Where a chunk begins, and where it ends with the indexes behind it.
+fn end_of(chunk: &ChunkIndex) -> (u64, u64) {
+    let start = chunk.chunk_start_offset;
+    (start, start.saturating_add(chunk.chunk_length).saturating_add(chunk.message_index_length))
 }
 
 /// The little-endian number of `size` bytes at `at`.

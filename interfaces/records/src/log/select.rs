@@ -1,181 +1,187 @@
-//! What a log holds, and the samples of topics as bytes, for those who look at them in place.
+//! The samples of topics as bytes, for those who look at them in place.
 
+use super::indexed::{Indexed, Trouble};
 use super::scan::{self, Damage, Visitor};
 use super::table::definition_of;
 use super::{Log, LogError};
-use fss_messages::{CDR_HEADER, Definition};
-use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
-use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
+use fss_messages::{CDR_HEADER, Field};
+use mcap::records::MessageHeader;
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
-/// What a log holds.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Contents {
-    /// Topics by name.
-    pub topics: BTreeMap<String, Topic>,
-    /// Log time of the first message, ns.
-    pub first_ns: u64,
-    /// Log time of the last message, ns.
-    pub last_ns: u64,
-    /// Attached files by name.
-    pub attachments: BTreeMap<String, Vec<u8>>,
-    /// Facts by the name they were recorded under.
-    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// Whether the log was ended properly.
-    pub is_complete: bool,
-    /// What could not be read; of a log that was ended properly only what stands outside its chunks.
-    pub damage: Damage,
+/// Which samples are wanted, and how.
+#[derive(Clone, Debug)]
+pub struct Selection {
+    /// Topics.
+    pub topics: Vec<String>,
+    /// Names of the fields that are wanted of each sample; all where empty.
+    pub fields: Vec<String>,
+    /// Log times, ns.
+    pub log_time_ns: RangeInclusive<u64>,
+    /// The most samples that are given at once.
+    pub most_rows: usize,
 }
 
-/// A topic of a log.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Topic {
-    /// The schema's name.
-    pub schema: String,
-    /// The message's definition.
-    pub definition: String,
-    /// How many messages.
-    pub count: u64,
+/// How the wanted fields of a sample lie one behind the other.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// The fields, at their places in what is given.
+    pub fields: Vec<Field<String>>,
+    /// Bytes that are given of a sample.
+    pub size: usize,
+    /// Bytes of a whole sample.
+    whole: usize,
+    /// What is taken of it.
+    parts: Vec<Range<usize>>,
 }
 
-impl Contents {
-    fn topic(&mut self, channel: &mcap::Channel<'_>) -> &mut Topic {
-        self.topics.entry(channel.topic.clone()).or_insert_with(|| match &channel.schema {
-            Some(s) => {
-                Topic { schema: s.name.clone(), definition: String::from_utf8_lossy(&s.data).into_owned(), count: 0 }
-            }
-            None => Topic::default(),
-        })
-    }
-}
-
-/// Collects what stands outside the chunks and, where `MESSAGES` says so, counts what is in them.
-struct Survey<const MESSAGES: bool>(Contents);
-
-impl<const MESSAGES: bool> Visitor for Survey<MESSAGES> {
-    const MESSAGES: bool = MESSAGES;
-
-    fn message(&mut self, channel: &Arc<mcap::Channel<'static>>, header: &MessageHeader, _: &[u8]) {
-        let contents = &mut self.0;
-        let is_first = contents.topics.is_empty();
-        contents.first_ns = if is_first { header.log_time } else { contents.first_ns.min(header.log_time) };
-        contents.last_ns = contents.last_ns.max(header.log_time);
-        contents.topic(channel).count += 1;
-    }
-
-    fn attachment(&mut self, header: &AttachmentHeader, data: &[u8]) {
-        self.0.attachments.insert(header.name.clone(), data.to_vec());
-    }
-
-    fn metadata(&mut self, metadata: &Metadata) {
-        self.0.metadata.insert(metadata.name.clone(), metadata.metadata.clone());
-    }
-}
-
-/// Gathers blocks of samples.
-struct Select<'a, F> {
-    topics: &'a [String],
-    log_time_ns: RangeInclusive<u64>,
-    most_rows: usize,
-    blocks: Vec<Option<Block>>,
-    each: F,
-    refused: Option<(usize, String)>,
-    has_enough: bool,
-}
-
-struct Block {
-    definition: Definition,
-    bytes: Vec<u8>,
-    rows: usize,
-}
-
-impl<F: FnMut(usize, &Definition, Vec<u8>) -> bool> Select<'_, F> {
-    fn add(&mut self, topic: usize, channel: &mcap::Channel<'_>, body: &[u8]) -> Result<(), String> {
-        if self.blocks[topic].is_none() {
-            let definition = definition_of(channel)?;
-            self.blocks[topic] = Some(Block { definition, bytes: Vec::new(), rows: 0 });
+impl Layout {
+    pub(super) fn of(channel: &mcap::Channel<'_>, wanted: &[String]) -> Result<Self, String> {
+        let definition = definition_of(channel)?;
+        let (whole, mut fields) = (definition.size, definition.fields);
+        if wanted.is_empty() {
+            return Ok(Self { fields, size: whole, whole, parts: std::iter::once(0..whole).collect() });
         }
-        let Some(block) = &mut self.blocks[topic] else { return Ok(()) };
-        let size = block.definition.size;
-        let Some(sample) = body.get(..size) else {
-            return Err(format!("a {} has only {} bytes", block.definition.name, body.len()));
-        };
-        block.bytes.extend_from_slice(sample);
-        block.rows += 1;
-        if block.rows == self.most_rows {
-            block.rows = 0;
-            let bytes = std::mem::take(&mut block.bytes);
-            self.has_enough = !(self.each)(topic, &block.definition, bytes);
+        fields.retain(|field| wanted.contains(&field.name));
+        let parts = fields.iter().map(|field| field.offset..field.offset + field.size()).collect();
+        let mut size = 0;
+        for field in &mut fields {
+            field.offset = size;
+            size += field.size();
+        }
+        Ok(Self { fields, size, whole, parts })
+    }
+
+    /// Appends what is wanted of a message.
+    pub(super) fn take(&self, message: &[u8], to: &mut Vec<u8>) -> Result<(), String> {
+        let sample = message.get(CDR_HEADER.len()..).unwrap_or_default();
+        if sample.len() < self.whole {
+            return Err(format!("a sample of {} bytes has only {}", self.whole, sample.len()));
+        }
+        for part in &self.parts {
+            to.extend_from_slice(&sample[part.clone()]);
         }
         Ok(())
     }
 }
 
-impl<F: FnMut(usize, &Definition, Vec<u8>) -> bool> Visitor for Select<'_, F> {
-    fn wants(&self, first_ns: u64, last_ns: u64) -> bool {
-        first_ns <= *self.log_time_ns.end() && last_ns >= *self.log_time_ns.start()
-    }
+/// Samples that were gathered of each topic, until there are enough of them for a block.
+struct Gathering<F> {
+    most_rows: usize,
+    blocks: Vec<Option<(Layout, Vec<u8>)>>,
+    each: F,
+    has_enough: bool,
+}
 
-    fn has_enough(&self) -> bool {
-        self.has_enough || self.refused.is_some()
-    }
-
-    fn message(&mut self, channel: &Arc<mcap::Channel<'static>>, header: &MessageHeader, data: &[u8]) {
-        if self.has_enough() || !self.log_time_ns.contains(&header.log_time) {
-            return;
+impl<F: FnMut(usize, &Layout, Vec<u8>) -> bool> Gathering<F> {
+    /// Gives what is more than a block holds.
+    fn give_full(&mut self, topic: usize) {
+        let Some((layout, bytes)) = &mut self.blocks[topic] else { return };
+        let full = layout.size.max(1).saturating_mul(self.most_rows);
+        while bytes.len() >= full && !self.has_enough {
+            let rest = bytes.split_off(full);
+            self.has_enough = !(self.each)(topic, layout, std::mem::replace(bytes, rest));
         }
-        let Some(topic) = self.topics.iter().position(|topic| *topic == channel.topic) else { return };
-        let body = data.get(CDR_HEADER.len()..).unwrap_or_default();
-        self.refused = self.add(topic, channel, body).err().map(|reason| (topic, reason));
+    }
+
+    fn give_rest(mut self) {
+        for (topic, block) in self.blocks.into_iter().enumerate() {
+            let Some((layout, bytes)) = block.filter(|(_, bytes)| !bytes.is_empty() && !self.has_enough) else {
+                continue;
+            };
+            self.has_enough = !(self.each)(topic, &layout, bytes);
+        }
     }
 }
 
-impl Log {
-    /// What the log holds. A log that was ended properly tells it at its end; another is walked through.
-    ///
-    /// # Errors
-    /// Where the file cannot be read.
-    pub fn contents(&self) -> Result<Contents, LogError> {
-        let summary = scan::summary(self.path()).map_err(|e| self.file_error(e))?;
-        let Some((summary, stats)) = summary.and_then(|mut s| s.stats.take().map(|stats| (s, stats))) else {
-            let mut survey = Survey::<true>(Contents::default());
-            let damage = self.walk(&mut survey)?;
-            return Ok(Contents { damage, ..survey.0 });
-        };
-        let mut survey = Survey::<false>(Contents::default());
-        let damage = self.walk(&mut survey)?;
-        let mut contents = survey.0;
-        for (id, channel) in &summary.channels {
-            contents.topic(channel).count += stats.channel_message_counts.get(id).copied().unwrap_or(0);
+/// Selects on a walk through the log.
+struct Walk<'a, F> {
+    selection: &'a Selection,
+    gathering: Gathering<F>,
+    refused: Option<(usize, String)>,
+}
+
+impl<F: FnMut(usize, &Layout, Vec<u8>) -> bool> Walk<'_, F> {
+    fn add(&mut self, topic: usize, channel: &mcap::Channel<'_>, message: &[u8]) -> Result<(), String> {
+        let block = &mut self.gathering.blocks[topic];
+        if block.is_none() {
+            *block = Some((Layout::of(channel, &self.selection.fields)?, Vec::new()));
         }
-        contents.topics.retain(|_, topic| topic.count > 0);
-        let (first_ns, last_ns) = (stats.message_start_time, stats.message_end_time);
-        Ok(Contents { first_ns, last_ns, is_complete: true, damage, ..contents })
+        if let Some((layout, bytes)) = block {
+            layout.take(message, bytes)?;
+        }
+        self.gathering.give_full(topic);
+        Ok(())
+    }
+}
+
+impl<F: FnMut(usize, &Layout, Vec<u8>) -> bool> Visitor for Walk<'_, F> {
+    fn wants(&self, first_ns: u64, last_ns: u64) -> bool {
+        overlap(&self.selection.log_time_ns, first_ns, last_ns)
     }
 
-    /// The samples of topics with a log time in a range, ns, one behind the other as they lie in the log: `each` is given the
-    /// topic's place in `topics`, its definition and a block of at most `most_rows` samples, and says whether to go on.
+    fn has_enough(&self) -> bool {
+        self.gathering.has_enough || self.refused.is_some()
+    }
+
+    fn message(&mut self, channel: &Arc<mcap::Channel<'static>>, header: &MessageHeader, data: &[u8]) {
+        if self.has_enough() || !self.selection.log_time_ns.contains(&header.log_time) {
+            return;
+        }
+        let Some(topic) = self.selection.topics.iter().position(|topic| *topic == channel.topic) else { return };
+        self.refused = self.add(topic, channel, data).err().map(|reason| (topic, reason));
+    }
+}
+
+pub(super) fn overlap(range: &RangeInclusive<u64>, first_ns: u64, last_ns: u64) -> bool {
+    first_ns <= *range.end() && last_ns >= *range.start()
+}
+
+impl Log {
+    /// The samples of topics with a log time in a range, one behind the other as they lie in the log: `each` is given the
+    /// topic's place in `topics`, how a sample lies and a block of samples, and says whether to go on. Of a log that was ended
+    /// properly only the chunks that hold these topics are read, and unpacked on all cores; another is walked through.
     ///
     /// # Errors
     /// Where the file cannot be read, or a topic's schema is none of plain samples.
     pub fn select(
         &self,
-        topics: &[String],
-        log_time_ns: RangeInclusive<u64>,
-        most_rows: usize,
-        each: impl FnMut(usize, &Definition, Vec<u8>) -> bool,
+        selection: &Selection,
+        each: impl FnMut(usize, &Layout, Vec<u8>) -> bool,
     ) -> Result<Damage, LogError> {
-        let blocks = topics.iter().map(|_| None).collect();
-        let mut select = Select { topics, log_time_ns, most_rows, blocks, each, refused: None, has_enough: false };
-        let damage = self.walk(&mut select)?;
-        if let Some((topic, reason)) = select.refused {
-            return Err(LogError::Schema { path: self.path().to_owned(), topic: topics[topic].clone(), reason });
+        let none = selection.topics.iter().map(|_| None).collect();
+        let mut gathering = Gathering { most_rows: selection.most_rows, blocks: none, each, has_enough: false };
+        let schema_error = |topic: usize, reason| {
+            let topic = selection.topics[topic].clone();
+            LogError::Schema { path: self.path().to_owned(), topic, reason }
+        };
+        let Some(summary) = scan::summary(self.path()).map_err(|e| self.file_error(e))? else {
+            let mut walk = Walk { selection, gathering, refused: None };
+            let damage = self.walk(&mut walk)?;
+            if let Some((topic, reason)) = walk.refused {
+                return Err(schema_error(topic, reason));
+            }
+            walk.gathering.give_rest();
+            return Ok(damage);
+        };
+        let indexed = Indexed::new(summary, selection).map_err(|(topic, reason)| schema_error(topic, reason))?;
+        for (topic, block) in gathering.blocks.iter_mut().enumerate() {
+            *block = indexed.layout(topic).map(|layout| (layout.clone(), indexed.room(topic)));
         }
-        for (topic, block) in select.blocks.into_iter().enumerate() {
-            let Some(block) = block.filter(|block| block.rows > 0 && !select.has_enough) else { continue };
-            select.has_enough = !(select.each)(topic, &block.definition, block.bytes);
-        }
+        let give = |gathered: &[Vec<u8>]| {
+            for (topic, more) in gathered.iter().enumerate() {
+                if let Some((_, bytes)) = &mut gathering.blocks[topic] {
+                    bytes.extend_from_slice(more);
+                }
+                gathering.give_full(topic);
+            }
+            !gathering.has_enough
+        };
+        let damage = indexed.read(self.path(), give).map_err(|trouble| match trouble {
+            Trouble::File(source) => self.file_error(source),
+            Trouble::Refused(topic, reason) => schema_error(topic, reason),
+        })?;
+        gathering.give_rest();
         Ok(damage)
     }
 }

@@ -1,7 +1,5 @@
-//! What waits for one viewer. The library says how it drops, but not how much; so the gate takes all from it at once, and
-//! it is here that samples wait, and are dropped, and counted.
+//! What waits for one viewer.
 
-use super::frame::Frame;
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
@@ -12,7 +10,7 @@ const MOST_SAMPLES: usize = 2048;
 const MOST_WORDS: usize = 2048;
 
 #[derive(Default)]
-pub(super) struct Outbox {
+pub(crate) struct Outbox {
     waiting: Mutex<Waiting>,
     news: Condvar,
 }
@@ -29,7 +27,7 @@ struct Waiting {
 
 /// What became of a frame, or of another in its place.
 #[derive(Debug, PartialEq)]
-pub(super) enum Put {
+pub(crate) enum Put {
     Waits,
     /// It waits, and the oldest sample was dropped for it.
     Dropped,
@@ -38,28 +36,36 @@ pub(super) enum Put {
 }
 
 impl Outbox {
-    pub(super) fn put(&self, frame: Frame) -> Put {
+    /// A sample that may be dropped, or another in its place.
+    pub(crate) fn put_sample(&self, frame: Vec<u8>) -> Put {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut outcome = Put::Waits;
+        if waiting.is_closed {
+            return Put::Closed;
+        }
+        let is_full = waiting.samples.len() >= MOST_SAMPLES;
+        if is_full {
+            waiting.samples.pop_front();
+        }
+        waiting.samples.push_back(frame);
+        drop(waiting);
+        self.news.notify_all();
+        if is_full { Put::Dropped } else { Put::Waits }
+    }
+
+    /// What must be heard.
+    pub(crate) fn put_words(&self, frame: Vec<u8>) -> Put {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         if waiting.is_closed || waiting.words.len() >= MOST_WORDS {
             return Put::Closed;
         }
-        if frame.is_sample {
-            if waiting.samples.len() >= MOST_SAMPLES {
-                waiting.samples.pop_front();
-                outcome = Put::Dropped;
-            }
-            waiting.samples.push_back(frame.bytes);
-        } else {
-            waiting.words.push_back(frame.bytes);
-        }
+        waiting.words.push_back(frame);
         drop(waiting);
         self.news.notify_all();
-        outcome
+        Put::Waits
     }
 
     /// The next frame, words first, as soon as there is one; nothing when no more will come.
-    pub(super) fn take(&self) -> Option<Vec<u8>> {
+    pub(crate) fn take(&self) -> Option<Vec<u8>> {
         let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let nothing = |waiting: &mut Waiting| waiting.is_empty() && !waiting.is_closed;
         let mut waiting = self.news.wait_while(waiting, nothing).unwrap_or_else(PoisonError::into_inner);
@@ -70,7 +76,7 @@ impl Outbox {
     }
 
     /// Takes no more, and waits at most so long until all is taken and said.
-    pub(super) fn close(&self, patience: Duration) {
+    pub(crate) fn close(&self, patience: Duration) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.is_closed = true;
         self.news.notify_all();
@@ -79,7 +85,7 @@ impl Outbox {
     }
 
     /// Who takes says that it takes no more.
-    pub(super) fn leave(&self) {
+    pub(crate) fn leave(&self) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         *waiting = Waiting { is_closed: true, is_left: true, ..Waiting::default() };
         drop(waiting);
@@ -102,12 +108,12 @@ mod tests {
     #[test]
     fn the_oldest_samples_are_dropped_one_by_one_and_no_word_is() {
         let outbox = Outbox::default();
-        let frame = |number: usize, is_sample| Frame { bytes: number.to_le_bytes().to_vec(), is_sample };
-        assert_eq!(outbox.put(frame(7, false)), Put::Waits);
-        let dropped = (0..MOST_SAMPLES + 5).filter(|i| outbox.put(frame(*i, true)) == Put::Dropped).count();
+        let frame = |number: usize| number.to_le_bytes().to_vec();
+        assert_eq!(outbox.put_words(frame(7)), Put::Waits);
+        let dropped = (0..MOST_SAMPLES + 5).filter(|i| outbox.put_sample(frame(*i)) == Put::Dropped).count();
         assert_eq!(dropped, 5);
         outbox.close(Duration::ZERO);
-        assert_eq!(outbox.put(frame(8, false)), Put::Closed);
+        assert_eq!(outbox.put_sample(frame(8)), Put::Closed);
         let taken: Vec<usize> =
             std::iter::from_fn(|| outbox.take()).map(|bytes| usize::from_le_bytes(bytes.try_into().unwrap())).collect();
         let wanted: Vec<usize> = std::iter::once(7).chain(5..MOST_SAMPLES + 5).collect();

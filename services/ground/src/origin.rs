@@ -1,6 +1,10 @@
-//! Whose page it is that asks.
+//! Who asks: whose page it is, and whether it speaks the protocol.
 
 use std::net::IpAddr;
+use tungstenite::handshake::derive_accept_key;
+
+/// The protocol that viewers must offer to speak.
+const PROTOCOL: &str = "foxglove.sdk.v1";
 
 const MOST_HEADERS: usize = 64;
 /// So much of a foreign page's name is repeated, characters.
@@ -10,7 +14,16 @@ const LONGEST_NAME: usize = 80;
 #[derive(Debug, PartialEq)]
 pub(crate) enum Verdict {
     /// A program, or a page that may come in.
-    Welcome,
+    Welcome {
+        /// What opens the WebSocket.
+        accept: String,
+        /// Length of the request, bytes.
+        length: usize,
+    },
+    /// Who asks for [`crate::metrics`].
+    Metrics,
+    /// It does not ask for what is here.
+    Stranger,
     /// A page of this origin, which may not.
     Foreign(String),
     /// More than a request may have.
@@ -20,16 +33,18 @@ pub(crate) enum Verdict {
 }
 
 impl Verdict {
-    /// Status and reason, where it is refused.
-    pub(crate) fn refusal(&self) -> Option<(&'static str, String)> {
+    /// Status and reason of a refusal.
+    pub(crate) fn refusal(&self) -> (&'static str, String) {
         match self {
-            Self::Welcome => None,
-            Self::Foreign(origin) => Some((
+            Self::Foreign(origin) => (
                 "403 Forbidden",
                 format!("pages of {origin} may not look here; the launch file can name them under [ground] origins\n"),
-            )),
-            Self::TooLong => Some(("431 Request Header Fields Too Large", "the request is too long\n".to_owned())),
-            Self::Nonsense => Some(("400 Bad Request", "this is no request\n".to_owned())),
+            ),
+            Self::TooLong => ("431 Request Header Fields Too Large", "the request is too long\n".to_owned()),
+            Self::Nonsense => ("400 Bad Request", "this is no request\n".to_owned()),
+            Self::Stranger | Self::Metrics | Self::Welcome { .. } => {
+                ("400 Bad Request", format!("viewers open a WebSocket with Sec-WebSocket-Protocol: {PROTOCOL}\n"))
+            }
         }
     }
 }
@@ -41,14 +56,35 @@ pub(crate) fn judge(request: &[u8], named: &[String]) -> Option<Verdict> {
     let mut parsed = httparse::Request::new(&mut headers);
     match parsed.parse(request) {
         Ok(httparse::Status::Partial) => None,
-        Ok(httparse::Status::Complete(_)) => {
-            let mut origins = parsed.headers.iter().filter(|header| header.name.eq_ignore_ascii_case("origin"));
-            let foreign = origins.find(|origin| !may_look(origin.value, named));
-            Some(foreign.map_or(Verdict::Welcome, |origin| Verdict::Foreign(printable(origin.value))))
-        }
+        Ok(httparse::Status::Complete(length)) => Some(match judge_headers(parsed.headers, named, length) {
+            Verdict::Stranger if (parsed.method, parsed.path) == (Some("GET"), Some("/metrics")) => Verdict::Metrics,
+            verdict => verdict,
+        }),
         Err(httparse::Error::TooManyHeaders) => Some(Verdict::TooLong),
         Err(_) => Some(Verdict::Nonsense),
     }
+}
+
+fn judge_headers(headers: &[httparse::Header<'_>], named: &[String], length: usize) -> Verdict {
+    let all = |name: &'static str| {
+        headers.iter().filter(move |header| header.name.eq_ignore_ascii_case(name)).map(|header| header.value)
+    };
+    if let Some(foreign) = all("origin").find(|origin| !may_look(origin, named)) {
+        return Verdict::Foreign(printable(foreign));
+    }
+    let mut offered = all("sec-websocket-protocol").flat_map(|list| list.split(|byte| *byte == b','));
+    let speaks = offered.any(|protocol| protocol.trim_ascii() == PROTOCOL.as_bytes());
+    let upgrades = all("upgrade").any(|to| to.eq_ignore_ascii_case(b"websocket"));
+    let is_known = all("sec-websocket-version").any(|version| version == b"13");
+    let Some(key) = all("sec-websocket-key").next().filter(|_| speaks && upgrades && is_known) else {
+        return Verdict::Stranger;
+    };
+    let accept = format!(
+        "HTTP/1.1 101 Switching Protocols\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Accept: {}\r\nSec-WebSocket-Protocol: {PROTOCOL}\r\n\r\n",
+        derive_accept_key(key)
+    );
+    Verdict::Welcome { accept, length }
 }
 
 fn may_look(origin: &[u8], named: &[String]) -> bool {
