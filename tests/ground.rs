@@ -163,6 +163,13 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
     let mut answer = [0; 12];
     browser.read_exact(&mut answer).unwrap();
     assert_eq!(&answer, b"HTTP/1.1 403");
+    // A dashboard.
+    let mut dashboard = TcpStream::connect(address).unwrap();
+    dashboard.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    dashboard.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/plain"), "{answer}");
+    assert!(answer.contains("fss_cycles_total{service=\"fusion\"} "), "{answer}");
 
     // It only watches: nothing can be set, and no command is offered.
     viewer.say(&set(&[("base_bandwidth_rad_s", 0.6)]));
