@@ -6,12 +6,15 @@ use clap::Args;
 use fss_bus::launch::{Launch, Schedule};
 use fss_bus::{Bus, Feed, Queue, Runner, Service, SharedConfig, process};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::ffi::OsString;
-use std::io::Read;
+use std::io::{self, Read};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// The launch file's name in a run's folder.
 pub const LAUNCH_FILE: &str = "launch.toml";
@@ -71,6 +74,8 @@ pub struct Process {
     pub stop: Arc<AtomicBool>,
     /// How often this process has been started in this run.
     pub starts: u32,
+    /// The last to go: until then shared memory is being left.
+    _supervision: Option<Supervision>,
 }
 
 impl Process {
@@ -90,14 +95,12 @@ impl Process {
     /// Where shared memory cannot be opened.
     pub fn of(name: &str, args: &SiteArgs, launch: Launch) -> Result<Self> {
         let stop = stop_on_signal()?;
-        if args.supervised {
-            stop_with_standard_input(stop.clone());
-        }
+        let supervision = args.supervised.then(|| Supervision::begin(stop.clone())).transpose().into_diagnostic()?;
         let node = format!("{name}-{}", std::process::id());
         let bus = Bus::shared(&SharedConfig { node, prefix: args.bus.clone() }).into_diagnostic()?;
         let bus = bus.for_stack(&launch).with_program_topics(topics_of(&read_programs(&args.run)?)?);
         let launch = launch.in_folder(&args.run);
-        Ok(Self { folder: args.run.clone(), launch, bus, stop, starts: args.starts })
+        Ok(Self { folder: args.run.clone(), launch, bus, stop, starts: args.starts, _supervision: supervision })
     }
 
     /// What a service may know of where it flies.
@@ -177,14 +180,50 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>> {
 
 /// Sets `stop` when standard input ends: the launcher's word, or its death. A process that cannot leave is killed by its
 /// launcher, or, where that is dead, leaves from here: iceoryx2 waits without end for shared memory whose maker was killed
-/// while making it.
-fn stop_with_standard_input(stop: Arc<AtomicBool>) {
-    std::thread::spawn(move || {
-        let mut byte = [0];
-        while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
-        stop.store(true, Ordering::Relaxed);
-        std::thread::sleep(2 * STOP_TIME);
-        eprintln!("this process could not leave in time: what it shares is left to the next start");
-        std::process::exit(1);
-    });
+/// while making it. The thread that watches ends with this, so that nothing of it is left at the process's exit.
+struct Supervision {
+    work: Option<UnixStream>,
+    watch: Option<JoinHandle<()>>,
+}
+
+impl Supervision {
+    fn begin(stop: Arc<AtomicBool>) -> io::Result<Self> {
+        let (work, end_of_work) = UnixStream::pair()?;
+        let watch = std::thread::Builder::new().spawn(move || watch(&end_of_work, &stop))?;
+        Ok(Self { work: Some(work), watch: Some(watch) })
+    }
+}
+
+impl Drop for Supervision {
+    fn drop(&mut self) {
+        drop(self.work.take());
+        let _ended = self.watch.take().map(JoinHandle::join);
+    }
+}
+
+fn watch(end_of_work: &UnixStream, stop: &AtomicBool) {
+    let mut input = io::stdin();
+    loop {
+        let mut ready = [PollFd::new(end_of_work, PollFlags::IN), PollFd::new(&input, PollFlags::IN)];
+        let [work, words] = match poll(&mut ready, None) {
+            Ok(_) => ready.map(|ready| !ready.revents().is_empty()),
+            Err(_interrupted) => continue,
+        };
+        if work {
+            return;
+        }
+        if words && matches!(input.read(&mut [0; 64]), Ok(0) | Err(_)) {
+            break;
+        }
+    }
+    stop.store(true, Ordering::Relaxed);
+    let told = Instant::now();
+    while let Some(left) = (2 * STOP_TIME).checked_sub(told.elapsed()) {
+        let left = Timespec { tv_sec: left.as_secs() as i64, tv_nsec: i64::from(left.subsec_nanos()) };
+        if poll(&mut [PollFd::new(end_of_work, PollFlags::IN)], Some(&left)).is_ok_and(|ready| ready > 0) {
+            return;
+        }
+    }
+    eprintln!("this process could not leave in time: what it shares is left to the next start");
+    std::process::exit(1);
 }
