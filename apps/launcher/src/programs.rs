@@ -209,7 +209,22 @@ fn check(launch: &Launch, programs: &[ProgramEntry]) -> Result<(), Misfit> {
             }
         }
     }
-    Ok(())
+    check_shared(launch, &topics)
+}
+
+/// Whether somebody publishes the topics that nodes of ROS 2 shall see.
+fn check_shared(launch: &Launch, topics: &BTreeMap<String, Known>) -> Result<(), Misfit> {
+    let shared = launch.ros2.iter().flat_map(|ros2| &ros2.share);
+    let is_known =
+        |name: &str| topic::NAMES.contains(&name) || topics.get(name).is_some_and(|known| known.publisher.is_some());
+    match shared.into_iter().find(|shared| !is_known(shared.get_ref())) {
+        Some(shared) => Err(Misfit {
+            message: format!("there is no topic {} to share", shared.get_ref()),
+            help: "topics are written without the vehicle's name: /nav/state".to_owned(),
+            span: Some(shared.span()),
+        }),
+        None => Ok(()),
+    }
 }
 
 /// Whether a port's topic can be, and has the layout that the others know; what is wrong, and what to do.

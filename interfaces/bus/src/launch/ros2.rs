@@ -53,24 +53,14 @@ impl Ros2 {
 impl Launch {
     /// Whether `[ros2]` makes sense.
     pub(super) fn check_ros2(&self) -> Result<(), LaunchError> {
-        let Some(ros2) = &self.ros2 else { return Ok(()) };
-        if self.schedule(BRIDGE).is_none() {
+        if self.ros2.is_some() && self.schedule(BRIDGE).is_none() {
             return Err(LaunchError {
                 message: "[ros2] is there, but the service is not launched".to_owned(),
                 help: "add a [[service]] with name = \"bridge\" and its rate_hz".to_owned(),
                 span: None,
             });
         }
-        // Topics of a program that comes with messages of its own are known when it is asked.
-        let has_programs = self.services.iter().any(|service| service.program.is_some());
-        let is_unknown = |shared: &&Spanned<String>| !topic::NAMES.contains(&shared.get_ref().as_str());
-        match ros2.share.iter().filter(|_| !has_programs).find(is_unknown) {
-            Some(shared) => Err(LaunchError {
-                message: format!("there is no topic {} to share", shared.get_ref()),
-                help: "topics are written without the vehicle's name: /nav/state".to_owned(),
-                span: Some(shared.span()),
-            }),
-            None => Ok(()),
-        }
+        // Whether there are such topics is known when the programs of the stack have been asked.
+        Ok(())
     }
 }
