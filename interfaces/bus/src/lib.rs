@@ -16,6 +16,7 @@
 
 pub mod allocation;
 mod bus;
+mod device_thread;
 mod error;
 pub mod health;
 pub mod launch;
@@ -34,6 +35,7 @@ mod time;
 pub mod virtual_time;
 
 pub use bus::{Bus, Neighbours, Queue};
+pub use device_thread::DeviceThread;
 pub use error::BusError;
 pub use fss_messages::{MAX_PORTS, Step};
 pub use port::{Batch, DeviceOutput, Feed, InputPort, Latest, Output, OutputPort, PortVisitor, Taken};

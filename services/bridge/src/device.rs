@@ -7,14 +7,12 @@
 use crate::Line;
 use crate::ports::{Heard, Parcel, Said};
 use fss_bus::launch::{Bridge as Endpoints, ForeignTopic};
-use fss_bus::{Queue, realtime};
+use fss_bus::{DeviceThread, Queue, realtime};
 use fss_messages::Event;
 use fss_wire::bridge::{Envelope, key};
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::Duration;
 use zenoh::Wait;
 use zenoh::pubsub::{Publisher, Subscriber};
@@ -52,8 +50,7 @@ pub struct Network {
 /// The thread that owns the network; it ends when this is dropped.
 #[derive(Debug)]
 pub struct Device {
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _thread: DeviceThread,
 }
 
 impl Device {
@@ -62,20 +59,7 @@ impl Device {
     /// # Errors
     /// Where the thread cannot be made.
     pub fn start(network: Network) -> io::Result<Self> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = stop.clone();
-        let thread = std::thread::Builder::new().name("bridge-net".to_owned()).spawn(move || network.run(&stopped))?;
-        Ok(Self { stop, thread: Some(thread) })
-    }
-}
-
-impl Drop for Device {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A thread that panicked has nothing more to say.
-            let _ = thread.join();
-        }
+        Ok(Self { _thread: DeviceThread::start("bridge-net", move |stop| network.run(stop))? })
     }
 }
 

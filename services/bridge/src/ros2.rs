@@ -5,7 +5,7 @@
 
 use crate::{Line, MAX_SAMPLE, Said};
 use fss_bus::launch::Ros2;
-use fss_bus::{Queue, RawTopic, realtime};
+use fss_bus::{DeviceThread, Queue, RawTopic, realtime};
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{CDR_HEADER, Definition, Event, Health, LinksState, MAX_LINKS, MissionState, NavState, Sample};
 use fss_plant::Plant;
@@ -16,9 +16,7 @@ use fss_ros2::standard::{self, DIAGNOSTICS, JOINT_STATE, ODOMETRY, TF_MESSAGE};
 use fss_ros2::type_hash::rihs01;
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
@@ -47,8 +45,7 @@ pub struct Nodes {
 /// The thread; it ends when this is dropped.
 #[derive(Debug)]
 pub struct Device {
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _thread: DeviceThread,
 }
 
 impl Device {
@@ -57,20 +54,7 @@ impl Device {
     /// # Errors
     /// Where the thread cannot be made.
     pub fn start(nodes: Nodes) -> io::Result<Self> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = stop.clone();
-        let thread = std::thread::Builder::new().name("bridge-ros2".to_owned()).spawn(move || nodes.run(&stopped))?;
-        Ok(Self { stop, thread: Some(thread) })
-    }
-}
-
-impl Drop for Device {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A thread that panicked has nothing more to say.
-            let _ = thread.join();
-        }
+        Ok(Self { _thread: DeviceThread::start("bridge-ros2", move |stop| nodes.run(stop))? })
     }
 }
 

@@ -1,12 +1,10 @@
 //! The radio: a UDP socket and the thread that owns it.
 
 use crate::{CommandDatagram, TelemetryDatagram};
-use fss_bus::{Queue, realtime};
+use fss_bus::{DeviceThread, Queue, realtime};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How long the thread waits for telemetry before it looks for commands: the longest that a command waits, a hundredth
@@ -16,8 +14,7 @@ const WAIT: Duration = Duration::from_millis(2);
 /// The thread that speaks with the links; it ends when this is dropped.
 #[derive(Debug)]
 pub struct Device {
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _thread: DeviceThread,
     local: SocketAddr,
 }
 
@@ -37,15 +34,14 @@ impl Device {
         let socket = UdpSocket::bind(local)?;
         socket.set_read_timeout(Some(WAIT))?;
         let local = socket.local_addr()?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let radio = Radio { socket, links, telemetry, commands, stop: stop.clone() };
-        let thread = std::thread::Builder::new().name("links-udp".to_owned()).spawn(move || {
+        let radio = Radio { socket, links, telemetry, commands };
+        let thread = DeviceThread::start("links-udp", move |stop| {
             if urgent {
                 realtime::enter_device();
             }
-            radio.run();
+            radio.run(stop);
         })?;
-        Ok(Self { stop, thread: Some(thread), local })
+        Ok(Self { _thread: thread, local })
     }
 
     /// The address from which it speaks.
@@ -54,28 +50,17 @@ impl Device {
     }
 }
 
-impl Drop for Device {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A thread that panicked has nothing more to say.
-            let _ = thread.join();
-        }
-    }
-}
-
 struct Radio {
     socket: UdpSocket,
     links: Vec<SocketAddr>,
     telemetry: Queue<TelemetryDatagram>,
     commands: Queue<CommandDatagram>,
-    stop: Arc<AtomicBool>,
 }
 
 impl Radio {
-    fn run(&self) {
+    fn run(&self, stop: &AtomicBool) {
         let mut buffer = [0; 2048];
-        while !self.stop.load(Ordering::Relaxed) {
+        while !stop.load(Ordering::Relaxed) {
             // A time-out, or a link's closed port: both are silence, which the service notices by itself.
             if let Ok((len, from)) = self.socket.recv_from(&mut buffer)
                 && self.links.contains(&from)
