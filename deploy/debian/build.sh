@@ -1,7 +1,7 @@
 #!/bin/sh
 # Builds the Debian package with nothing but dpkg-deb: build.sh [PROGRAM [FOLDER [VERSION]]]
-#   PROGRAM   the fss to package, with fss-ground, fss-bridge and libfss.so beside it; target/release/fss, which
-#             cargo build --release -p fss -p fss-ground -p fss-bridge -p fss-c --features fss/parquet makes
+#   PROGRAM   the fss to package, with the programs and libraries named below beside it; target/release/fss, which
+#             cargo build --release --workspace --features fss/parquet makes
 #   FOLDER    where the package goes; target/debian
 #   VERSION   that of Cargo.toml
 set -eu
@@ -10,9 +10,9 @@ program=${1:-$here/target/release/fss}
 folder=${2:-$here/target/debian}
 version=${3:-$(sed -n 's/^version = "\(.*\)"/\1/p' "$here/Cargo.toml" | head -n 1)}
 beside=$(dirname "$program")
-for each in "$program" "$beside/fss-ground" "$beside/fss-bridge" "$beside/libfss.so"; do
+for each in "$program" "$beside/fss-ground" "$beside/fss-bridge" "$beside/fss-fmu" "$beside/libfss.so" "$beside/libfss_plant_fmu.so"; do
     [ -x "$each" ] || {
-        echo "build.sh: $each is missing; cargo build --release -p fss -p fss-ground -p fss-bridge -p fss-c --features fss/parquet makes it" >&2
+        echo "build.sh: $each is missing; cargo build --release --workspace --features fss/parquet makes it" >&2
         exit 1
     }
 done
@@ -27,12 +27,14 @@ put() { install -D -m "$1" "$2" "$root/$3"; }
 put 755 "$program" usr/bin/fss
 put 755 "$beside/fss-ground" usr/bin/fss-ground
 put 755 "$beside/fss-bridge" usr/bin/fss-bridge
+put 755 "$beside/fss-fmu" usr/bin/fss-fmu
 put 644 "$beside/libfss.so" usr/lib/libfss.so
+put 644 "$beside/libfss_plant_fmu.so" usr/lib/libfss_plant_fmu.so
 put 644 "$here/interfaces/c/include/fss.h" usr/include/fss.h
 for module in "$here"/interfaces/python/fss/*.py; do
     put 644 "$module" "usr/lib/python3/dist-packages/fss/$(basename "$module")"
 done
-strip --strip-unneeded "$root"/usr/bin/* "$root/usr/lib/libfss.so" 2>/dev/null || true
+strip --strip-unneeded "$root"/usr/bin/* "$root"/usr/lib/*.so 2>/dev/null || true
 put 644 "$here/deploy/systemd/fss@.service" usr/lib/systemd/system/fss@.service
 put 644 "$here/deploy/systemd/fss.sysusers" usr/lib/sysusers.d/fss.conf
 put 644 "$here/deploy/systemd/fss.tmpfiles" usr/lib/tmpfiles.d/fss.conf

@@ -59,6 +59,8 @@ in_root test -s /var/lib/fss/out/hold/run.mcap || fail "no log"
 for program in fss fss-ground fss-bridge; do
     in_root "$program" --version > /dev/null || fail "$program does not run"
 done
+in_root test -x /usr/bin/fss-fmu || fail "no fss-fmu"
+in_root fss plant export-fmu /etc/fss/plants/fss.toml --out /tmp/vehicle.fmu > /dev/null || fail "no plant as an FMU"
 in_root test -s /usr/include/fss.h || fail "libfss has no header"
 if in_root sh -c 'command -v python3' > /dev/null; then
     in_root python3 -c 'import fss.service; fss.service._load()' || fail "Python does not find libfss"

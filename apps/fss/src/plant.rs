@@ -43,10 +43,11 @@ fn export(args: &ExportArgs) -> Result<()> {
     let plant = read_plant(&args.plant)?;
     let text = TextFile::read(&args.plant, "plant file")?.text;
     let name = args.plant.file_stem().map_or_else(|| "plant".into(), |stem| stem.to_string_lossy());
-    let own = std::env::current_exe().into_diagnostic()?.with_file_name(LIBRARY);
-    let library = std::fs::read(&own).map_err(|_| {
-        let help = "`cargo build --release -p fss-plant-fmu` makes it, beside fss";
-        miette!(help = help, "the FMU's shared library {} is not there", own.display())
+    let program = std::env::current_exe().into_diagnostic()?;
+    let places = [program.with_file_name(LIBRARY), program.with_file_name("../lib").join(LIBRARY)];
+    let library = places.iter().find_map(|place| std::fs::read(place).ok()).ok_or_else(|| {
+        let help = "`cargo build --release -p fss-plant-fmu` makes it, beside fss; the package has it in /usr/lib";
+        miette!(help = help, "the FMU's shared library {} is not there", places[0].display())
     })?;
     let is_fmi2 = args.fmi == 2;
     let platform = if is_fmi2 { "linux64".to_owned() } else { format!("{}-linux", std::env::consts::ARCH) };
