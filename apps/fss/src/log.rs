@@ -34,7 +34,7 @@ pub struct RecoverArgs {
 /// What to show.
 #[derive(Args)]
 pub struct InfoArgs {
-    /// The log, an MCAP file.
+    /// The log, an MCAP file, or a run's folder.
     log: PathBuf,
     /// Print JSON.
     #[arg(long)]

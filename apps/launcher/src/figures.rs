@@ -223,58 +223,56 @@ fn distance_from_segment(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
     (gone[0] - share * way[0]).hypot(gone[1] - share * way[1])
 }
 
+/// Rows of a table for a person: what, and its value; what is empty continues the row before.
+pub type Rows = Vec<(&'static str, String)>;
+
 impl StopFigures {
-    /// A line for a person.
-    pub fn print(&self) {
+    /// Rows for a person.
+    pub(crate) fn rows(&self) -> Rows {
         let (used, least) = (self.gas_used_kg * 1e3, self.least_gas_kg * 1e3);
-        say!("stop               {used:.2} g of gas, at least {least:.2} g are needed: ratio {:.3}", self.ratio);
         let ([v0, v1], [w0, w1]) = (self.speed_m_s.map(|v| v * 1e3), self.rate_deg_s);
-        say!("                   from {w0:.2} deg/s and {v0:.1} mm/s to {w1:.3} deg/s and {v1:.1} mm/s");
+        vec![
+            ("stop", format!("{used:.2} g of gas, at least {least:.2} g are needed: ratio {:.3}", self.ratio)),
+            ("", format!("from {w0:.2} deg/s and {v0:.1} mm/s to {w1:.3} deg/s and {v1:.1} mm/s")),
+        ]
     }
 }
 
 impl CaptureFigures {
-    /// Lines for a person.
-    pub fn print(&self) {
+    /// Rows for a person.
+    pub(crate) fn rows(&self) -> Rows {
         let (Some(miss), Some(speed)) = (self.miss_m, self.contact_speed_m_s) else {
-            say!("capture            failed: the gripper took nothing");
-            return;
+            return vec![("capture", "failed: the gripper took nothing".to_owned())];
         };
         let what = if self.success { "the target was taken" } else { "the target was lost again" };
-        say!("capture            {what}; missed by {:.2} mm at {:.2} mm/s", miss * 1e3, speed * 1e3);
+        let mut rows = vec![("capture", format!("{what}; missed by {:.2} mm at {:.2} mm/s", miss * 1e3, speed * 1e3))];
         if let (Some(before), Some(after)) = (self.momentum_before, self.momentum_after) {
             let show = |p: [f64; 3]| format!("({:.6}, {:.6}) kg m/s, {:.6} kg m2/s", p[0], p[1], p[2]);
-            say!("momentum           before {}\n                   after  {}", show(before), show(after));
+            rows.push(("momentum", format!("before {}", show(before))));
+            rows.push(("", format!("after  {}", show(after))));
         }
         let turned = self.base_turned_deg.unwrap_or(0.0);
-        say!(
-            "                   the base turned by {turned:.2} deg meanwhile, {:.2} m from the edge",
-            self.room_on_table_m
-        );
+        let room = self.room_on_table_m;
+        rows.push(("", format!("the base turned by {turned:.2} deg meanwhile, {room:.2} m from the edge")));
+        rows
     }
 }
 
 impl CarryFigures {
-    /// Lines for a person.
-    pub fn print(&self) {
-        say!(
-            "carried            {:.2} m, off the straight legs by {:.1} mm RMS and {:.1} mm at most, with {:.2} g of gas",
-            self.path_m,
-            self.deviation_rms_m * 1e3,
-            self.deviation_max_m * 1e3,
-            self.gas_used_kg * 1e3
-        );
-        let (Some(apart_m), Some(turned_deg), Some(speed_m_s), Some(rate_deg_s)) =
-            (self.placed_error_m, self.placed_error_deg, self.left_speed_m_s, self.left_rate_deg_s)
-        else {
-            say!("                   and was never let go");
-            return;
+    /// Rows for a person.
+    pub(crate) fn rows(&self) -> Rows {
+        let (rms_mm, most_mm) = (self.deviation_rms_m * 1e3, self.deviation_max_m * 1e3);
+        let off = format!("off the straight legs by {rms_mm:.1} mm RMS and {most_mm:.1} mm at most");
+        let carried = format!("{:.2} m, {off}, with {:.2} g of gas", self.path_m, self.gas_used_kg * 1e3);
+        let left = match (self.placed_error_m, self.placed_error_deg, self.left_speed_m_s, self.left_rate_deg_s) {
+            (Some(apart_m), Some(turned_deg), Some(speed_m_s), Some(rate_deg_s)) => format!(
+                "let go {:.1} mm and {turned_deg:.2} deg from the path's end, where it stays at {:.2} mm/s and \
+                 {rate_deg_s:.3} deg/s",
+                apart_m * 1e3,
+                speed_m_s * 1e3
+            ),
+            _ => "and was never let go".to_owned(),
         };
-        say!(
-            "                   let go {:.1} mm and {turned_deg:.2} deg from the path's end, where it stays at {:.2} mm/s and \
-             {rate_deg_s:.3} deg/s",
-            apart_m * 1e3,
-            speed_m_s * 1e3
-        );
+        vec![("carried", carried), ("", left)]
     }
 }

@@ -6,14 +6,13 @@ use fss_lab::Faults;
 use fss_messages::MissionState;
 use fss_mission::Mission;
 use fss_plant::Plant;
+pub use fss_records::log::LOG_FILE;
 use fss_service::{Description, LAUNCH_FILE, MISSION_FILE, PLANT_FILE, PROGRAMS_FILE, ProgramEntry, Site};
 use miette::{IntoDiagnostic, Result, miette};
 use std::path::Path;
 
 /// Mean time between two faults that a seed draws, s.
 pub const FAULT_EVERY_S: f64 = 4.0;
-/// The log's name in a run's folder.
-pub const LOG_FILE: &str = "run.mcap";
 
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[

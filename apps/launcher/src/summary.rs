@@ -1,6 +1,6 @@
 //! What happened in a run, told from its log alone.
 
-use crate::figures::{self, CaptureFigures, CarryFigures, StopFigures};
+use crate::figures::{self, CaptureFigures, CarryFigures, Rows, StopFigures};
 use crate::stack::Stack;
 use fss_messages::{ArmCommand, Event, Health, MissionState, NavState, Sample, TruthState, text_of, topic};
 use fss_plant::Effect;
@@ -246,48 +246,43 @@ impl Records {
 }
 
 impl Summary {
-    /// The short table for a person.
+    /// Prints topics, the table, and what was warned of.
     pub fn print(&self) {
         say!("\n{:<26} {:>8} {:>10}", "topic", "count", "rate Hz");
         for t in &self.topics {
             say!("{:<26} {:>8} {:>10}", t.name, t.count, number(t.rate_hz, 1.0, 2));
         }
-        say!("\nmission            {} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s);
-        for effect in &self.effects {
-            say!("effect of the plant {effect}");
+        say!("");
+        let warnings = self.warnings.iter().map(|warning| ("warning", warning.clone()));
+        for (what, value) in self.table().into_iter().chain(warnings) {
+            say!("{what:<18} {value}");
         }
+    }
+
+    /// The figures for a person.
+    pub fn table(&self) -> Rows {
+        let mut rows = vec![("mission", format!("{} ({}, {:.1} s)", self.mission, self.outcome, self.duration_s))];
+        rows.extend(self.effects.iter().map(|effect| ("effect of the plant", effect.clone())));
         if let Some(r) = &self.base_rotation_deg {
-            say!("base rotation      {:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg);
+            rows.push(("base rotation", format!("{:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg)));
         }
         if let Some(e) = &self.end_effector {
-            let error = number(e.final_error_m, 1e3, 2);
-            let worst = number(e.max_error_m, 1e3, 2);
-            say!("end-effector       moved {:.4} m, error {error} mm at the end, {worst} mm at most", e.moved_m);
+            let (error, worst) = (number(e.final_error_m, 1e3, 2), number(e.max_error_m, 1e3, 2));
+            let moved = format!("moved {:.4} m, error {error} mm at the end, {worst} mm at most", e.moved_m);
+            rows.push(("end-effector", moved));
         }
         if let Some(n) = &self.navigation {
             let (p, h) = (n.position_rms_m * 1e3, n.heading_rms_deg);
-            say!("navigation error   {p:.3} mm and {h:.4} deg RMS against truth");
+            rows.push(("navigation error", format!("{p:.3} mm and {h:.4} deg RMS against truth")));
         }
-        if let Some(stop) = &self.stop {
-            stop.print();
-        }
-        if let Some(capture) = &self.capture {
-            capture.print();
-        }
-        if let Some(carry) = &self.carry {
-            carry.print();
-        }
-        say!("gas used           {} g", number(self.gas_used_kg, 1e3, 2));
+        rows.extend(self.stop.iter().flat_map(StopFigures::rows));
+        rows.extend(self.capture.iter().flat_map(CaptureFigures::rows));
+        rows.extend(self.carry.iter().flat_map(CarryFigures::rows));
+        rows.push(("gas used", format!("{} g", number(self.gas_used_kg, 1e3, 2))));
         let total = |f: fn(&ServiceFigures) -> u64| self.services.values().map(f).sum::<u64>();
-        say!(
-            "overruns           {} of {} cycles, {} boundaries skipped",
-            total(|s| s.overruns),
-            total(|s| s.cycles),
-            total(|s| s.skipped)
-        );
-        for warning in &self.warnings {
-            say!("warning            {warning}");
-        }
+        let (late, cycles, skipped) = (total(|s| s.overruns), total(|s| s.cycles), total(|s| s.skipped));
+        rows.push(("overruns", format!("{late} of {cycles} cycles, {skipped} boundaries skipped")));
+        rows
     }
 }
 

@@ -27,7 +27,7 @@ const POSTURES: usize = 7;
 /// service; of a capture, why to believe it. The page refers to nothing outside itself: it can be mailed, printed, archived.
 #[derive(Args)]
 pub struct ReportArgs {
-    /// The log, an MCAP file of `fss run`.
+    /// The log of `fss run`, or its folder.
     log: PathBuf,
     /// The page to write.
     #[arg(long, value_name = "FILE.html")]

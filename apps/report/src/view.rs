@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// From another computer: ssh -L 8300:127.0.0.1:8300 HOST, and open <http://127.0.0.1:8300/> there.
 #[derive(Args)]
 pub struct ViewArgs {
-    /// The log, an MCAP file; the running stack where absent.
+    /// The log, an MCAP file, or a run's folder; the running stack where absent.
     log: Option<PathBuf>,
     /// The port on 127.0.0.1; 0 takes a free one.
     #[arg(long, default_value_t = 8300)]

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_messages::{Header, NavState, Sample, ThrustersCommand, topic};
-use fss_records::log::{Log, LogWriter};
+use fss_records::log::{LOG_FILE, Log, LogWriter};
 use std::collections::BTreeMap;
 
 fn nav(i: u64) -> NavState {
@@ -34,6 +34,15 @@ fn a_log_gives_back_what_was_written() {
     assert_eq!(log.attachment("plant.toml").unwrap().unwrap(), "[base]\n");
     assert!((log.topics().unwrap()[0].rate_hz().unwrap() - 200.0).abs() < 1e-6);
     assert!(log.gaps::<NavState>("/nav/state").unwrap().is_empty());
+}
+
+#[test]
+fn a_run_is_read_by_the_name_of_its_folder() {
+    let run = tempfile::tempdir().unwrap();
+    write_log(&run.path().join(LOG_FILE), 10);
+    let log = Log::open(run.path()).unwrap();
+    assert_eq!(log.path(), run.path().join(LOG_FILE));
+    assert!(log.is_complete());
 }
 
 #[test]

@@ -12,7 +12,7 @@ const ROWS: usize = 1 << 16;
 /// What to export.
 #[derive(Args)]
 pub struct ExportArgs {
-    /// The log, an MCAP file.
+    /// The log, an MCAP file, or a run's folder.
     log: PathBuf,
     /// Folder for the tables.
     #[arg(long, value_name = "DIR")]

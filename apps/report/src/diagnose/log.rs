@@ -12,12 +12,10 @@ use fss_experiments::measured::{self, Drive, Joints, Poses, Run, Series};
 use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Posture, Sample, ThrustersState, topic};
 use fss_multibody::wrapped;
 use fss_plant::{JointCommand, Plant};
-use fss_records::log::{Log, Samples};
+use fss_records::log::{LOG_FILE, Log, Samples};
 use miette::{IntoDiagnostic, Result, miette};
 use std::path::{Path, PathBuf};
 
-/// The log in a run's folder.
-const LOG_FILE: &str = "run.mcap";
 /// Telemetry of two joints within this time is one row, ns.
 const ROW_NS: u64 = 1_000_000;
 /// What a command takes over the radio to its link, s.

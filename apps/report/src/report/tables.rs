@@ -110,39 +110,8 @@ fn utc(unix_s: u64) -> String {
 
 /// What `summary.json` says, for a person.
 pub(super) fn figures(html: &mut String, summary: &Summary) {
-    let mut rows: Vec<[String; 2]> = Vec::new();
-    let mut row = |name: &str, value: String| rows.push([name.to_owned(), value]);
-    row("outcome", summary.outcome.to_owned());
-    row("duration", format!("{:.1} s", summary.duration_s));
-    if let Some(r) = &summary.base_rotation_deg {
-        row("base rotation", format!("{:.3} deg at the end, {:.3} deg at most", r.end_deg, r.max_deg));
-    }
-    if let Some(e) = &summary.end_effector {
-        row("end-effector moved", format!("{:.4} m", e.moved_m));
-        if let (Some(last), Some(worst)) = (e.final_error_m, e.max_error_m) {
-            let error = format!("{:.2} mm at the end, {:.2} mm at most", last * 1e3, worst * 1e3);
-            row("end-effector from its path", error);
-        }
-    }
-    if let Some(n) = &summary.navigation {
-        let (p, h) = (n.position_rms_m * 1e3, n.heading_rms_deg);
-        row("navigation error, RMS", format!("{p:.3} mm, {h:.4} deg"));
-    }
-    if let Some(stop) = &summary.stop {
-        let (used, least) = (stop.gas_used_kg * 1e3, stop.least_gas_kg * 1e3);
-        row("gas of the stop", format!("{used:.2} g; no firings need less than {least:.2} g"));
-        let ([v0, v1], [w0, w1]) = (stop.speed_m_s.map(|v| v * 1e3), stop.rate_deg_s);
-        row("stopped", format!("from {v0:.1} mm/s and {w0:.2} deg/s to {v1:.1} mm/s and {w1:.3} deg/s"));
-    }
-    if let Some(c) = &summary.carry {
-        let (rms_mm, most_mm) = (c.deviation_rms_m * 1e3, c.deviation_max_m * 1e3);
-        row("target off the straight legs", format!("{rms_mm:.1} mm RMS, {most_mm:.1} mm at most"));
-        row("gas to carry it", format!("{:.2} g", c.gas_used_kg * 1e3));
-    }
-    if let Some(gas_kg) = summary.gas_used_kg {
-        row("gas used", format!("{:.2} g", gas_kg * 1e3));
-    }
-    row("warnings", summary.warnings.len().to_string());
+    let warnings = ("warnings", summary.warnings.len().to_string());
+    let rows = summary.table().into_iter().chain([warnings]).map(|(what, value)| [what.to_owned(), value]);
     table(html, "text", &[], rows);
 }
 

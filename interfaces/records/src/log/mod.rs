@@ -15,7 +15,7 @@ mod table;
 mod writer;
 
 pub use contents::{Contents, Topic};
-pub use reader::{Collect, Gap, Log, Samples, TopicInfo};
+pub use reader::{Collect, Gap, LOG_FILE, Log, Samples, TopicInfo};
 pub use recover::Recovered;
 pub use scan::Damage;
 pub use select::{Layout, Selection};

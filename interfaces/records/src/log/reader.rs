@@ -91,17 +91,21 @@ impl<T: Sample> Collect for Samples<T> {
     }
 }
 
+/// The log in a run's folder.
+pub const LOG_FILE: &str = "run.mcap";
+
 impl Log {
-    /// Opens a log.
+    /// Opens a log, or that of a run's folder.
     ///
     /// # Errors
     /// Where the file cannot be read or is no MCAP file.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let log = Self { path: path.to_owned() };
-        if scan::has_magic(path).map_err(|e| log.file_error(e))? {
+        let path = if path.is_dir() { path.join(LOG_FILE) } else { path.to_owned() };
+        let log = Self { path };
+        if scan::has_magic(&log.path).map_err(|e| log.file_error(e))? {
             Ok(log)
         } else {
-            Err(LogError::Mcap { path: path.to_owned(), source: mcap::McapError::BadMagic })
+            Err(LogError::Mcap { path: log.path, source: mcap::McapError::BadMagic })
         }
     }
 
