@@ -14,11 +14,16 @@ struct Plain;
 impl ReportHandler for Plain {
     fn debug(&self, error: &dyn Diagnostic, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = if error.severity() == Some(Severity::Warning) { "warning: " } else { "" };
-        write!(f, "{kind}{error}")?;
+        let mut said = error.to_string();
+        write!(f, "{kind}{said}")?;
         let mut cause = error.source();
         while let Some(reason) = cause {
-            write!(f, "\n  because {reason}")?;
-            cause = reason.source();
+            // Some messages end with their cause's.
+            let words = reason.to_string();
+            if !said.ends_with(&words) {
+                write!(f, "\n  because {words}")?;
+            }
+            (said, cause) = (words, reason.source());
         }
         places(error, f)?;
         error.help().map_or(Ok(()), |help| write!(f, "\n  help: {help}"))
@@ -80,5 +85,17 @@ mod tests {
             "  help: the services are fusion and base",
         ];
         assert_eq!(said, lines.join("\n"));
+    }
+
+    #[test]
+    fn a_cause_that_the_message_ends_with_is_not_told_twice() {
+        explain_errors();
+        #[derive(Debug, thiserror::Error, Diagnostic)]
+        #[error("run.mcap: {source}")]
+        struct Unread {
+            source: std::io::Error,
+        }
+        let unread = Unread { source: std::io::Error::other("no such file") };
+        assert_eq!(format!("{:?}", miette::Report::new(unread)), "run.mcap: no such file");
     }
 }
