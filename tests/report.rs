@@ -53,7 +53,7 @@ fn a_report_holds_what_flew_and_the_figures_of_the_summary() {
     let rotation = format!("{:.3} deg at the end", number(&s, "base_rotation_deg.end_deg"));
     let tip = format!("{:.2} mm at the end", number(&s, "end_effector.final_error_m") * 1e3);
     let nav = format!(
-        "{:.3} mm, {:.4} deg",
+        "{:.3} mm and {:.4} deg RMS",
         number(&s, "navigation.position_rms_m") * 1e3,
         number(&s, "navigation.heading_rms_deg")
     );
