@@ -270,15 +270,10 @@ fn add_force(
 
 /// Adds `variance B S B'`, `B` given by rows.
 fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64; 3]; 3], variance: f64) {
-    for (i, bi) in onto {
-        for (j, bj) in onto {
-            let mut sum = 0.0;
-            for k in 0..3 {
-                for l in 0..3 {
-                    sum += bi[k] * s[k][l] * bj[l];
-                }
-            }
-            noise[i * n + j] += variance * sum;
+    for (i, b) in onto.iter().filter(|(_, b)| *b != [0.0; 3]) {
+        let through: [f64; 3] = std::array::from_fn(|l| variance * (b[0] * s[0][l] + b[1] * s[1][l] + b[2] * s[2][l]));
+        for (j, b) in onto {
+            noise[i * n + j] += through[0] * b[0] + through[1] * b[1] + through[2] * b[2];
         }
     }
 }
