@@ -17,6 +17,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "%s\n", fss_error());
         return 1;
     }
+    fss_event(ports, FSS_INFO, "sends back what comes");
     uint64_t heard_ns = fss_take(ports);
     puts("ready");
     fflush(stdout);

@@ -2,7 +2,7 @@
 
 import sys
 
-from fss.service import Joined, Service
+from fss.service import INFO, Joined, Service
 
 from fss_messages import NavState
 
@@ -17,6 +17,7 @@ class Echo(Service):
 
 
 with Joined(Echo, sys.argv[1]) as stack:
+    stack.outputs.event(INFO, "sends back what comes")
     heard_ns = stack.take()
     print("ready", flush=True)
     while True:
