@@ -3,6 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
+#[path = "framework/misuse.rs"]
+mod misuse;
+#[path = "framework/own_loop.rs"]
+mod own_loop;
 #[path = "framework/together.rs"]
 mod together;
 
@@ -229,17 +233,28 @@ fn description(topic: &str, schema: &str, definition: &str) -> String {
     json!({ "format": "fss-service/1", "service": "odd", "inputs": [], "outputs": [output] }).to_string()
 }
 
-/// Flies with a shell script for a program, which must be refused with all of `words`.
-#[track_caller]
-fn refuse_stand_in(script: &str, words: &[&str]) {
-    let place = tempfile::tempdir().unwrap();
-    let (program, launch) = (place.path().join("odd"), place.path().join("launch.toml"));
+/// Makes a shell script stand in for a program, and a launch file with it.
+fn stand_in(place: &Path, script: &str) -> PathBuf {
+    let (program, launch) = (place.join("odd"), place.join("launch.toml"));
     std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
     let table = "\n[[service]]\nname = \"odd\"\nprogram = \"odd\"\nrate_hz = 50\n";
     std::fs::write(&launch, [include_str!("../deploy/etc/launch/lab.toml"), table].concat()).unwrap();
-    let out = place.path().join("out");
-    refused(&["run", "hold", "--fast", "--quiet", "--launch", path(&launch), "--out", path(&out)], words);
+    launch
+}
+
+/// Flies with a shell script for a program, on the virtual clock, which must be refused with all of `words`.
+#[track_caller]
+fn refuse_stand_in(script: &str, words: &[&str]) {
+    refuse_stand_in_on("--fast", script, words);
+}
+
+/// The same on the clock that an argument says.
+#[track_caller]
+fn refuse_stand_in_on(clock: &str, script: &str, words: &[&str]) {
+    let place = tempfile::tempdir().unwrap();
+    let (launch, out) = (stand_in(place.path(), script), place.path().join("out"));
+    refused(&["run", "hold", clock, "--quiet", "--launch", path(&launch), "--out", path(&out)], words);
 }
 
 /// A script that describes itself so, and does `then` when it is to fly.
@@ -253,12 +268,14 @@ const OWN: &str = "uint64 sequence\nuint64 stamp_ns\nuint64 published_ns\nfloat6
 fn a_program_that_does_not_go_with_the_others_is_refused_at_its_line() {
     let definition = fss_messages::BaseCommand::definition();
     let claims = description(topic::BASE_COMMAND.name, "fss_msgs/msg/BaseCommand", &definition);
-    refuse_stand_in(
-        &script(&claims, ":"),
-        &["launch.toml:", "/base/command", "'base' publishes already", "remove one"],
-    );
     let other = description("/events", "fss_msgs/msg/Event", OWN);
-    refuse_stand_in(&script(&other, ":"), &["launch.toml:", "/events carries fss_msgs/Event@", "same definition"]);
+    // Whichever clock: on seed 1, as without it, in real time.
+    for clock in ["--fast", "--seed=1"] {
+        let claimed = ["launch.toml:", "/base/command", "'base' publishes already", "remove one"];
+        refuse_stand_in_on(clock, &script(&claims, ":"), &claimed);
+        let carried = ["launch.toml:", "/events carries fss_msgs/Event@", "same definition"];
+        refuse_stand_in_on(clock, &script(&other, ":"), &carried);
+    }
     let padded = description("/odd/state", "odd_msgs/msg/OddState", &format!("{OWN}uint8 a\nfloat64 b"));
     refuse_stand_in(&script(&padded, ":"), &["/odd/state", "line 6", "order the fields by size"]);
     let name = description("/Odd State", "odd_msgs/msg/OddState", OWN);

@@ -1,8 +1,8 @@
 """Reads a log of ours with other people's tools and compares every field with what our own reader exported.
 
-    python read_log.py RUN.mcap EXPORT_DIR        # EXPORT_DIR from `fss log export`
+    python read_log.py RUN.mcap EXPORT_DIR [TOPIC...]       # EXPORT_DIR from `fss log export`
 
-Exits with 1 where a tool cannot read the log or where one value differs.
+Exits with 1 where a tool cannot read the log, does not find one of the topics, or where one value differs.
 """
 
 import csv
@@ -42,6 +42,13 @@ def same(ours, theirs):
     return int(ours) == int(theirs)
 
 
+def look_for(tool, topics, found):
+    """Whether the tool found these topics."""
+    missing = [topic for topic in topics if topic not in found]
+    if missing:
+        sys.exit(f"{tool}: does not find {', '.join(missing)}")
+
+
 def compare(tool, topic, messages, folder):
     names, rows = exported(folder, topic)
     # Tools differ in how they order what several publishers sent at nearly one time.
@@ -58,12 +65,13 @@ def compare(tool, topic, messages, folder):
 
 
 def main():
-    log, folder = Path(sys.argv[1]), Path(sys.argv[2])
+    log, folder, topics = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:]
     by_topic = {}
     with open(log, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         for _, channel, _, message in reader.iter_decoded_messages(log_time_order=False):
             by_topic.setdefault(channel.topic, []).append(message)
+    look_for("mcap-ros2-support", topics, by_topic)
     values = sum(compare("mcap-ros2-support", t, m, folder) for t, m in by_topic.items())
     print(f"mcap-ros2-support: {len(by_topic)} topics, {values} values equal")
 
@@ -71,6 +79,7 @@ def main():
     with AnyReader([log], default_typestore=get_typestore(Stores.EMPTY)) as reader:
         for connection, _, raw in reader.messages():
             by_topic.setdefault(connection.topic, []).append(reader.deserialize(raw, connection.msgtype))
+    look_for("rosbags", topics, by_topic)
     values = sum(compare("rosbags", t, m, folder) for t, m in by_topic.items())
     print(f"rosbags: {len(by_topic)} topics, {values} values equal")
 

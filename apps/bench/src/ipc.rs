@@ -1,27 +1,21 @@
-//! One-way latency of a sample between two threads on two cores, by every way that there is, in turns.
+//! One-way latency of a sample between two cores, by every way that there is, in turns: between two threads, or a thread and a program
+//! in another language.
 
-#![allow(clippy::unnecessary_wraps)] // all ways are opened by one type of function; sockets can fail
+mod peer;
+mod ways;
 
 use super::distribution::{Distribution, Percentiles};
-use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, SharedConfig, Time, realtime, remove_dead_nodes};
-use fss_messages::topic::Topic;
-use fss_messages::{NavState, Sample};
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{Config, FileName, NodeBuilder, SemanticString, ServiceName, ipc};
+use fss_bus::{realtime, remove_dead_nodes};
 use miette::{IntoDiagnostic, Result, miette};
+use peer::{Peer, Workshop};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::net::UdpSocket;
-use std::os::unix::net::UnixDatagram;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Stdio};
 use std::sync::{Arc, Barrier};
 use std::time::{Duration, Instant};
-use zerocopy::{FromBytes, IntoBytes};
+use ways::{Opener, SAMPLE_BYTES, bus_way, cache_line_way, iceoryx_way, udp_way, unix_way};
 
-/// The sample that travels.
-const SAMPLE_BYTES: usize = size_of::<NavState>();
-const WORDS: usize = SAMPLE_BYTES / 8;
 /// Each way has its turn so many times: a disturbance of the host does not meet one of them alone.
 const ROUNDS: u32 = 20;
 /// Round trips in a turn.
@@ -31,9 +25,6 @@ const WARM_UP: u64 = 50;
 
 /// Tells the other side to stop.
 const LAST: u64 = u64::MAX;
-/// How long anybody waits for a sample.
-const PATIENCE: Duration = Duration::from_secs(1);
-
 /// What the benchmark found.
 #[derive(Serialize)]
 pub(crate) struct IpcTimes {
@@ -43,7 +34,11 @@ pub(crate) struct IpcTimes {
     pinned: bool,
     /// Half of a round trip, microseconds.
     one_way_us: BTreeMap<&'static str, Percentiles>,
+    /// Each over raw iceoryx2.
+    over_iceoryx2: BTreeMap<&'static str, Percentiles>,
     ratio: Ratios,
+    /// The programs in other languages that this computer cannot run, and why.
+    skipped: BTreeMap<&'static str, String>,
 }
 
 /// Of medians.
@@ -55,38 +50,49 @@ struct Ratios {
     unix_to_bus: f64,
 }
 
-/// One end of a way. Sending and receiving never fail in a way that this could mend: a failed end shows as silence.
-trait End {
-    fn send(&mut self, sequence: u64);
-    /// The sequence of the sample that comes next; zero where one side is gone.
-    fn receive(&mut self) -> u64;
+/// The end that sends back what comes.
+enum Far {
+    Here(Opener),
+    /// A program on the bus, with the prefix that it is told.
+    Program(Peer, String),
 }
 
-/// A way opens both its ends in the threads that use them.
-type Opener = Box<dyn FnOnce() -> Result<Box<dyn End>> + Send>;
+/// Opens both ends of a way, with a prefix in shared memory.
+type WayOf = Box<dyn Fn(&str) -> Result<(Opener, Far)>>;
 
 /// Measures all ways in turns.
 pub(crate) fn measure() -> Result<IpcTimes> {
-    let prefix = format!("fssbench_{}_", std::process::id());
-    let ways: [(&'static str, WayOf); 5] = [
-        ("bus", bus_way),
-        ("iceoryx2", iceoryx_way),
-        ("shared_memory", cache_line_way),
-        ("unix_socket", unix_way),
-        ("udp", udp_way),
+    let workshop = Workshop::open()?;
+    let mut ways = vec![
+        ("bus", between_threads(bus_way)),
+        ("iceoryx2", between_threads(iceoryx_way)),
+        ("shared_memory", between_threads(cache_line_way)),
+        ("unix_socket", between_threads(unix_way)),
+        ("udp", between_threads(udp_way)),
     ];
+    let mut skipped = BTreeMap::new();
+    let peers =
+        [("c", workshop.c()), ("python", workshop.python()), ("python_iceoryx2", workshop.python_on_iceoryx2())];
+    for (name, peer) in peers {
+        match peer {
+            Ok(peer) => ways.push((name, to_program(peer))),
+            Err(why) => drop(skipped.insert(name, format!("{why:#}"))),
+        }
+    }
+    let prefix = format!("fssbench_{}_", std::process::id());
     let mut all: BTreeMap<&'static str, Distribution> = BTreeMap::new();
     let pinned = std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
     for round in 0..ROUNDS {
-        for (name, open) in ways {
+        for (name, open) in &ways {
             let (near, far) = open(&format!("{prefix}{round}{name}"))?;
             let times = all.entry(name).or_insert(Distribution::new()?);
             let outcome = turn(near, far, pinned, times);
             remove_dead_nodes(&format!("{prefix}{round}{name}"), true).into_diagnostic()?;
-            outcome.map_err(|e| e.wrap_err(name))?;
+            outcome.map_err(|e| e.wrap_err(*name))?;
         }
     }
     let one_way_us: BTreeMap<_, _> = all.iter().map(|(name, times)| (*name, times.percentiles(1e-3 / 2.0))).collect();
+    let over_iceoryx2 = one_way_us.iter().map(|(name, times)| (*name, times.over(&one_way_us["iceoryx2"]))).collect();
     let ratio = |of: &str, to: &str| one_way_us[of].p50 / one_way_us[to].p50;
     let ratio = Ratios {
         bus_to_iceoryx2: ratio("bus", "iceoryx2"),
@@ -100,39 +106,47 @@ pub(crate) fn measure() -> Result<IpcTimes> {
         round_trips: u64::from(ROUNDS) * TRIPS,
         pinned,
         one_way_us,
+        over_iceoryx2,
         ratio,
+        skipped,
     })
 }
 
 impl IpcTimes {
     /// The table for a person.
     pub(crate) fn print(&self) {
-        say!("{:<16} {:>8} {:>8} {:>8}   one way, us", "", "p50", "p99", "p99.9");
+        say!("{:<16} {:>8} {:>8} {:>8}   {:<18}", "one way, us", "p50", "p99", "p99.9", "over iceoryx2 p50, p99");
         for (name, times) in &self.one_way_us {
-            say!("{name:<16} {:>8.3} {:>8.3} {:>8.3}", times.p50, times.p99, times.p99_9);
+            let Percentiles { p50, p99, p99_9, .. } = times;
+            let over = &self.over_iceoryx2[name];
+            say!("{name:<16} {p50:>8.3} {p99:>8.3} {p99_9:>8.3}   {:>8.2} {:>8.2}", over.p50, over.p99);
         }
-        say!("bus to iceoryx2  {:.2} at the median", self.ratio.bus_to_iceoryx2);
+        for (name, why) in &self.skipped {
+            say!("{name:<16} skipped: {why}");
+        }
         say!("{} B, {} round trips each way, in turns", self.payload_bytes, self.round_trips);
     }
 }
 
-type WayOf = fn(&str) -> Result<(Opener, Opener)>;
+fn between_threads(open: fn(&str) -> Result<(Opener, Opener)>) -> WayOf {
+    Box::new(move |prefix| open(prefix).map(|(near, far)| (near, Far::Here(far))))
+}
 
-fn turn(near: Opener, far: Opener, pinned: bool, times: &mut Distribution) -> Result<()> {
+fn to_program(peer: Peer) -> WayOf {
+    Box::new(move |prefix| Ok((bus_way(prefix)?.0, Far::Program(peer.clone(), prefix.to_owned()))))
+}
+
+/// Sends round trips from this computer's first core, and tells how long they took.
+fn turn(near: Opener, far: Far, pinned: bool, times: &mut Distribution) -> Result<()> {
     let both_open = Arc::new(Barrier::new(2));
     let opened = both_open.clone();
     let echo = std::thread::spawn(move || -> Result<()> {
         if pinned {
             let _unpinned_where_refused = realtime::pin_to_core(1);
         }
-        let end = far();
-        opened.wait();
-        let mut end = end?;
-        loop {
-            match end.receive() {
-                LAST | 0 => return Ok(()),
-                sequence => end.send(sequence),
-            }
+        match far {
+            Far::Here(far) => echo_here(far, &opened),
+            Far::Program(peer, prefix) => echo_there(&peer, &prefix, &opened),
         }
     });
     let ping = std::thread::spawn(move || -> Result<Vec<u64>> {
@@ -140,6 +154,7 @@ fn turn(near: Opener, far: Opener, pinned: bool, times: &mut Distribution) -> Re
             let _unpinned_where_refused = realtime::pin_to_core(0);
         }
         let end = near();
+        both_open.wait(); // a program joins what is there already
         both_open.wait();
         let mut end = end?;
         let mut trips = Vec::with_capacity(TRIPS as usize);
@@ -167,191 +182,35 @@ fn turn(near: Opener, far: Opener, pinned: bool, times: &mut Distribution) -> Re
     Ok(())
 }
 
-/// A sample that says its number.
-fn sample(sequence: u64) -> NavState {
-    NavState { stamp_ns: sequence, ..NavState::default() }
-}
-
-/// Asks until there is an answer, at most for a second.
-fn poll(mut ask: impl FnMut() -> Option<u64>) -> u64 {
-    let mut tries = 0_u32;
-    let mut start = None;
+/// Sends back what comes, in this thread.
+fn echo_here(far: Opener, opened: &Barrier) -> Result<()> {
+    let end = far();
+    opened.wait();
+    opened.wait();
+    let mut end = end?;
     loop {
-        if let Some(sequence) = ask() {
-            return sequence;
-        }
-        tries = tries.wrapping_add(1);
-        if tries.is_multiple_of(1 << 16) && start.get_or_insert_with(Instant::now).elapsed() > PATIENCE {
-            return 0;
-        }
-        std::hint::spin_loop();
-    }
-}
-
-struct BusEnd {
-    out: Output<NavState>,
-    input: Latest<NavState>,
-    _bus: Bus,
-}
-
-impl End for BusEnd {
-    fn send(&mut self, sequence: u64) {
-        self.out.publish(sample(sequence));
-        self.out.flush(Time::from_ns(sequence));
-    }
-
-    fn receive(&mut self) -> u64 {
-        poll(|| {
-            self.input.refresh();
-            self.input.fresh().map(|sample| sample.header().stamp_ns)
-        })
-    }
-}
-
-fn bus_way(prefix: &str) -> Result<(Opener, Opener)> {
-    let end = |out: &'static str, input: &'static str| -> Opener {
-        let prefix = prefix.to_owned();
-        Box::new(move || {
-            let bus = Bus::shared(&SharedConfig { node: "bench".to_owned(), prefix }).into_diagnostic()?;
-            let out = Output::open(&bus, Topic::new(out)).into_diagnostic()?;
-            let input = Latest::open(&bus, Topic::new(input)).into_diagnostic()?;
-            Ok(Box::new(BusEnd { out, input, _bus: bus }))
-        })
-    };
-    Ok((end("/ping", "/pong"), end("/pong", "/ping")))
-}
-
-struct IceoryxEnd {
-    publisher: Publisher<ipc::Service, NavState, ()>,
-    subscriber: Subscriber<ipc::Service, NavState, ()>,
-}
-
-impl End for IceoryxEnd {
-    fn send(&mut self, sequence: u64) {
-        if let Ok(loan) = self.publisher.loan_uninit() {
-            let _silence_tells = loan.write_payload(sample(sequence)).send();
+        match end.receive() {
+            LAST | 0 => return Ok(()),
+            sequence => end.send(sequence),
         }
     }
+}
 
-    fn receive(&mut self) -> u64 {
-        poll(|| self.subscriber.receive().ok().flatten().map(|sample| sample.payload().stamp_ns))
+/// Lets a program send it back, on this thread's core.
+fn echo_there(peer: &Peer, prefix: &str, opened: &Barrier) -> Result<()> {
+    opened.wait();
+    let mut command = peer.command(prefix);
+    let started = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    let ready = started.into_diagnostic().and_then(|mut child| {
+        let mut word = String::new();
+        let output = child.stdout.take().ok_or_else(|| miette!("its output is closed"))?;
+        BufReader::new(output).read_line(&mut word).into_diagnostic()?;
+        Ok(child)
+    });
+    opened.wait();
+    let output = ready.and_then(|child: Child| child.wait_with_output().into_diagnostic())?;
+    if output.status.success() {
+        return Ok(());
     }
-}
-
-fn iceoryx_way(prefix: &str) -> Result<(Opener, Opener)> {
-    let end = |out: &'static str, input: &'static str| -> Opener {
-        let prefix = prefix.to_owned();
-        Box::new(move || {
-            let refused = |what: &dyn std::fmt::Debug| miette!("iceoryx2 refuses: {what:?}");
-            let mut config = Config::default();
-            config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|e| refused(&e))?;
-            let node = NodeBuilder::new().config(&config).create::<ipc::Service>().map_err(|e| refused(&e))?;
-            let service = |name: &str| {
-                let name = ServiceName::new(name).map_err(|e| refused(&e))?;
-                node.service_builder(&name).publish_subscribe::<NavState>().open_or_create().map_err(|e| refused(&e))
-            };
-            let publisher = service(out)?.publisher_builder().create().map_err(|e| refused(&e))?;
-            let subscriber = service(input)?.subscriber_builder().create().map_err(|e| refused(&e))?;
-            Ok(Box::new(IceoryxEnd { publisher, subscriber }))
-        })
-    };
-    Ok((end("ping", "pong"), end("pong", "ping")))
-}
-
-/// A sample in memory that two cores share, and its number, which is written last.
-struct Line {
-    words: [AtomicU64; WORDS],
-    number: AtomicU64,
-}
-
-impl Line {
-    fn new() -> Arc<Self> {
-        Arc::new(Self { words: std::array::from_fn(|_| AtomicU64::new(0)), number: AtomicU64::new(0) })
-    }
-}
-
-struct CacheLineEnd {
-    out: Arc<Line>,
-    input: Arc<Line>,
-    seen: u64,
-}
-
-impl End for CacheLineEnd {
-    fn send(&mut self, sequence: u64) {
-        let sample = sample(sequence);
-        for (word, bytes) in self.out.words.iter().zip(sample.as_bytes().chunks_exact(8)) {
-            word.store(u64::from_ne_bytes(bytes.try_into().unwrap_or_default()), Ordering::Relaxed);
-        }
-        self.out.number.store(sequence, Ordering::Release);
-    }
-
-    fn receive(&mut self) -> u64 {
-        let number = poll(|| Some(self.input.number.load(Ordering::Acquire)).filter(|number| *number != self.seen));
-        self.seen = number;
-        // The sample is read like any other's.
-        std::hint::black_box(self.input.words.iter().map(|word| word.load(Ordering::Relaxed)).sum::<u64>());
-        number
-    }
-}
-
-fn cache_line_way(_: &str) -> Result<(Opener, Opener)> {
-    let (there, back) = (Line::new(), Line::new());
-    let end = |out: &Arc<Line>, input: &Arc<Line>| -> Opener {
-        let (out, input) = (out.clone(), input.clone());
-        Box::new(move || Ok(Box::new(CacheLineEnd { out, input, seen: 0 })))
-    };
-    Ok((end(&there, &back), end(&back, &there)))
-}
-
-/// A datagram socket of whatever kind.
-struct SocketEnd<S, R> {
-    send: S,
-    receive: R,
-}
-
-impl<S: FnMut(&[u8]), R: FnMut(&mut [u8]) -> usize> End for SocketEnd<S, R> {
-    fn send(&mut self, sequence: u64) {
-        (self.send)(sample(sequence).as_bytes());
-    }
-
-    fn receive(&mut self) -> u64 {
-        let mut bytes = [0; SAMPLE_BYTES];
-        let len = (self.receive)(&mut bytes);
-        NavState::read_from_bytes(&bytes[..len]).map_or(0, |sample| sample.stamp_ns)
-    }
-}
-
-fn unix_way(_: &str) -> Result<(Opener, Opener)> {
-    let (near, far) = UnixDatagram::pair().into_diagnostic()?;
-    let end = |socket: UnixDatagram| -> Result<Opener> {
-        socket.set_read_timeout(Some(PATIENCE)).into_diagnostic()?;
-        Ok(socket_end(socket, UnixDatagram::send, UnixDatagram::recv))
-    };
-    Ok((end(near)?, end(far)?))
-}
-
-fn udp_way(_: &str) -> Result<(Opener, Opener)> {
-    let bind = || UdpSocket::bind("127.0.0.1:0").into_diagnostic();
-    let (near, far) = (bind()?, bind()?);
-    near.connect(far.local_addr().into_diagnostic()?).into_diagnostic()?;
-    far.connect(near.local_addr().into_diagnostic()?).into_diagnostic()?;
-    let end = |socket: UdpSocket| -> Result<Opener> {
-        socket.set_read_timeout(Some(PATIENCE)).into_diagnostic()?;
-        Ok(socket_end(socket, UdpSocket::send, UdpSocket::recv))
-    };
-    Ok((end(near)?, end(far)?))
-}
-
-/// One end of a pair of sockets.
-fn socket_end<S: Send + Sync + 'static>(
-    socket: S,
-    send: fn(&S, &[u8]) -> std::io::Result<usize>,
-    receive: fn(&S, &mut [u8]) -> std::io::Result<usize>,
-) -> Opener {
-    let socket = Arc::new(socket);
-    let other = socket.clone();
-    Box::new(move || {
-        let send = move |bytes: &[u8]| drop(send(&socket, bytes));
-        Ok(Box::new(SocketEnd { send, receive: move |bytes: &mut [u8]| receive(&other, bytes).unwrap_or(0) }))
-    })
+    Err(miette!("it ended ({}): {}", output.status, String::from_utf8_lossy(&output.stderr).trim()))
 }

@@ -120,6 +120,33 @@ pub struct RawPorts {
 }
 
 impl RawPorts {
+    /// Opens the inputs, at most [`MAX_PORTS`], each with whether every sample is taken, and the outputs.
+    ///
+    /// # Errors
+    /// Where the bus refuses one.
+    pub fn open(name: &str, inputs: &[(RawTopic, bool)], outputs: &[RawTopic], bus: &Bus) -> Result<Self, BusError> {
+        let inputs = inputs.iter().take(MAX_PORTS).map(|(topic, every)| RawInput::open(bus, topic, *every));
+        Ok(Self {
+            name: name.to_owned(),
+            inputs: inputs.collect::<Result<_, _>>()?,
+            outputs: outputs.iter().map(|topic| RawStaged::open(bus, topic)).collect::<Result<_, _>>()?,
+            events: Output::open(bus, topic::EVENTS)?,
+            now: Time::default(),
+        })
+    }
+
+    /// Takes what has come on the inputs; it is `now` until the next time.
+    pub fn take(&mut self, now: Time) {
+        self.inputs.iter_mut().for_each(RawInput::refresh);
+        self.now = now;
+    }
+
+    /// Sends what was published at `now`; returns how many samples could not be sent.
+    pub fn flush(&mut self, now: Time) -> u64 {
+        let outputs: u64 = self.outputs.iter_mut().map(|output| output.flush(now)).sum();
+        outputs + self.events.flush(now)
+    }
+
     /// An input, by its place in the list of topics.
     pub fn input(&self, place: usize) -> Option<&RawInput> {
         self.inputs.get(place)
@@ -152,7 +179,7 @@ pub struct RawRunner<S> {
 }
 
 impl<S: RawService> RawRunner<S> {
-    /// Opens the ports: the inputs, at most [`MAX_PORTS`], each with whether every sample is taken, and the outputs.
+    /// Opens the ports, as [`RawPorts::open`] does.
     ///
     /// # Errors
     /// Where the bus refuses one.
@@ -163,14 +190,7 @@ impl<S: RawService> RawRunner<S> {
         outputs: &[RawTopic],
         bus: &Bus,
     ) -> Result<Self, BusError> {
-        let inputs = inputs.iter().take(MAX_PORTS).map(|(topic, every)| RawInput::open(bus, topic, *every));
-        let ports = RawPorts {
-            name: name.to_owned(),
-            inputs: inputs.collect::<Result<_, _>>()?,
-            outputs: outputs.iter().map(|topic| RawStaged::open(bus, topic)).collect::<Result<_, _>>()?,
-            events: Output::open(bus, topic::EVENTS)?,
-            now: Time::default(),
-        };
+        let ports = RawPorts::open(name, inputs, outputs, bus)?;
         let record = Step { service: text(name), ..Step::default() };
         Ok(Self { service, ports, record, records: Output::open(bus, topic::STEPS)? })
     }
@@ -182,12 +202,11 @@ impl<S: RawService> Run for RawRunner<S> {
     }
 
     fn refresh(&mut self) {
-        self.ports.inputs.iter_mut().for_each(RawInput::refresh);
+        self.ports.take(self.ports.now);
     }
 
     fn step(&mut self, now: Time) {
-        self.refresh();
-        self.ports.now = now;
+        self.ports.take(now);
         self.service.step(now, &mut self.ports);
         self.record.step += 1;
         self.record.stamp_ns = now.ns();
@@ -199,8 +218,7 @@ impl<S: RawService> Run for RawRunner<S> {
     }
 
     fn flush(&mut self, now: Time) -> u64 {
-        let outputs: u64 = self.ports.outputs.iter_mut().map(|output| output.flush(now)).sum();
-        outputs + self.ports.events.flush(now) + self.records.flush(now)
+        self.ports.flush(now) + self.records.flush(now)
     }
 
     fn ages_ns(&self, now: Time, ages: &mut [u64]) {

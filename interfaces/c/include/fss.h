@@ -81,6 +81,20 @@ const void *fss_sample(const fss_ports *ports, size_t input, size_t place);
  * and published_ns are set for it. Returns 0, or -1 where there is no such output or 64 samples wait already. */
 int fss_publish(fss_ports *ports, size_t output, const void *sample);
 
+/* A program with a loop of its own, which no launcher starts, watches or replays: a display, a test, a bridge to something else. It
+ * joins a stack that runs, by the stack's prefix in shared memory: "fss_N_" where N is the process number of `fss run`, or what --bus of
+ * a service says. `vehicle` is the vehicle's name, NULL or "" where it has none. Of the service count its name, inputs, outputs and
+ * `every`. Returns NULL where it cannot; fss_error says why, until the thread's next fss_open. The ports belong to one thread. */
+fss_ports *fss_open(const fss_service *service, const char *bus, const char *vehicle);
+const char *fss_error(void);
+
+/* In such a loop: takes what has come since the last time, as the begin of a step does, and returns the time, ns. fss_latest, fss_fresh,
+ * fss_count and fss_sample tell of it until the next time. What fss_publish and fss_event are given is sent at once. */
+uint64_t fss_take(fss_ports *ports);
+
+/* Leaves the stack; the ports and their samples are gone then. */
+void fss_close(fss_ports *ports);
+
 /* Severities of events. */
 enum { FSS_DEBUG = 0, FSS_INFO = 1, FSS_WARNING = 2, FSS_ERROR = 3, FSS_CRITICAL = 4 };
 

@@ -6,11 +6,13 @@
 
 mod declared;
 mod options;
+mod own_loop;
 
 use declared::Declared;
-use fss_bus::{RawPorts, RawService, Time};
+use fss_bus::{Bus, RawPorts, RawService, Time};
 use fss_service::{Description, RawProgram, Refusal, Site, run_raw};
 use options::Options;
+pub use own_loop::{fss_close, fss_error, fss_open, fss_take};
 use std::ffi::{CStr, OsStr, OsString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::process::ExitCode;
@@ -53,6 +55,14 @@ pub struct Ports {
     options: Options,
     /// Sizes of the outputs' samples, bytes.
     output_sizes: Vec<usize>,
+    /// Of a program with a loop of its own: the stack that it has joined.
+    joined: Option<Bus>,
+}
+
+impl Ports {
+    fn new(options: Options, output_sizes: Vec<usize>) -> Self {
+        Self { raw: None, refused: None, options, output_sizes, joined: None }
+    }
 }
 
 /// The functions of a service, with what they work on.
@@ -105,8 +115,7 @@ impl RawProgram for Program<'_> {
         let (Some(create), Some(step)) = (self.service.create, self.service.step) else {
             return Err("create and step are functions that a service has".into());
         };
-        let output_sizes = self.declared.output_sizes.clone();
-        let mut ports = Ports { raw: None, refused: None, options, output_sizes };
+        let mut ports = Ports::new(options, self.declared.output_sizes.clone());
         // SAFETY: the function is the service's own; the values are as many as it has keys, and outlive the call.
         let itself = unsafe { create(&raw mut ports, config.as_ptr(), site.rate_hz) };
         match ports.refused.take() {
@@ -274,8 +283,9 @@ pub unsafe extern "C" fn fss_publish(ports: *mut Ports, output: usize, sample: *
     // SAFETY: the struct has the size that was declared for the output, and checked against its definition.
     let bytes = unsafe { std::slice::from_raw_parts(sample.cast::<u8>(), size) };
     // SAFETY: the caller keeps the contract above.
-    let is_published = unsafe { raw(ports) }.is_some_and(|ports| ports.publish(output, bytes));
-    if is_published { 0 } else { -1 }
+    let is_published = unsafe { raw(ports) }.is_some_and(|raw| raw.publish(output, bytes));
+    // SAFETY: as above.
+    if is_published && unsafe { own_loop::send(ports) } { 0 } else { -1 }
 }
 
 /// Says that something happened.
@@ -288,8 +298,10 @@ pub unsafe extern "C" fn fss_event(ports: *mut Ports, severity: u8, text: *const
         return;
     }
     // SAFETY: the caller keeps the contract above.
-    let (ports, text) = unsafe { (raw(ports), CStr::from_ptr(text)) };
-    if let (Some(ports), Ok(text)) = (ports, text.to_str()) {
-        ports.event(severity, text);
+    let (raw, text) = unsafe { (raw(ports), CStr::from_ptr(text)) };
+    if let (Some(raw), Ok(text)) = (raw, text.to_str()) {
+        raw.event(severity, text);
+        // SAFETY: as above. An event that cannot be sent is lost, as in a step.
+        let _sent = unsafe { own_loop::send(ports) };
     }
 }

@@ -64,6 +64,10 @@ def _load():
     library.fss_options.argtypes, library.fss_options.restype = [pointer], ctypes.c_char_p
     library.fss_publish.argtypes = [pointer, size, pointer]
     library.fss_event.argtypes = [pointer, ctypes.c_uint8, ctypes.c_char_p]
+    library.fss_open.argtypes, library.fss_open.restype = [ctypes.POINTER(_Service), ctypes.c_char_p, ctypes.c_char_p], pointer
+    library.fss_error.restype = ctypes.c_char_p
+    library.fss_take.argtypes, library.fss_take.restype = [pointer], ctypes.c_uint64
+    library.fss_close.argtypes = [pointer]
     return library
 
 
@@ -108,7 +112,7 @@ class Output:
         if not isinstance(sample, self._message):
             raise TypeError(f"this output takes {self._message.__name__}, not {type(sample).__name__}")
         if self._library.fss_publish(self._ports, self._place, ctypes.addressof(sample)) != 0:
-            raise RuntimeError("a step publishes at most 64 samples of a topic")
+            raise RuntimeError("it was not sent: a step publishes at most 64 samples of a topic")
 
 
 class Refused(Exception):
@@ -139,19 +143,31 @@ class Service:
         raise NotImplementedError
 
 
+class _Ports:
+    """The ports of a service's class by their names."""
+
+    def __init__(self, library, service):
+        ports = lambda kind, topics: {port: kind(library, i, topic[1]) for i, (port, topic) in enumerate(topics.items())}
+        inputs, outputs = ports(Latest, service.inputs), ports(Output, service.outputs)
+        self._all, self._library, self._address = [*inputs.values(), *outputs.values()], library, None
+        self.inputs, self.outputs = SimpleNamespace(**inputs), SimpleNamespace(**outputs, event=self._event)
+
+    def _event(self, severity, text):
+        self._library.fss_event(self._address, severity, text.encode())
+
+    def at(self, address):
+        """What the library calls them from now on."""
+        self._address = address
+        for port in self._all:
+            port._ports = address
+
+
 class _Bound:
     """A service's class with its ports, as the library calls them."""
 
     def __init__(self, library, service):
         self.library, self.service, self.running = library, service, None
-        ports = lambda kind, topics: {port: kind(library, i, topic[1]) for i, (port, topic) in enumerate(topics.items())}
-        self.inputs = SimpleNamespace(**ports(Latest, service.inputs))
-        self.outputs = SimpleNamespace(**ports(Output, service.outputs), event=self.event)
-        self.ports = [port for port in [*vars(self.inputs).values(), *vars(self.outputs).values()] if hasattr(port, "_ports")]
-        self.now_in = None
-
-    def event(self, severity, text):
-        self.library.fss_event(self.now_in, severity, text.encode())
+        self.ports = _Ports(library, service)
 
     def create(self, ports, config, rate_hz):
         try:
@@ -165,11 +181,9 @@ class _Bound:
         return None
 
     def step(self, _itself, ports, now_ns):
-        self.now_in = ports
-        for port in self.ports:
-            port._ports = ports
+        self.ports.at(ports)
         try:
-            self.running.step(now_ns, self.inputs, self.outputs)
+            self.running.step(now_ns, self.ports.inputs, self.ports.outputs)
         except Exception:
             # What has failed is started anew by the launcher, as in any language.
             traceback.print_exc()
@@ -185,19 +199,59 @@ def _topics(topics):
     return all_topics
 
 
-def main(service):
-    """Runs the service as the launcher's command line says, and ends the program."""
-    library = _load()
-    bound = _Bound(library, service)
+def _declared(service, create=_Create(), step=_Step()):
+    """The service as the library takes it; it lives as long as what this gives."""
     inputs, outputs = _topics(service.inputs), _topics(service.outputs)
     texts = lambda keys: (ctypes.c_char_p * len(keys))(*[key.encode() for key in keys])
     keys, options = texts(service.config), texts(service.options)
     places = [list(service.inputs).index(port) for port in service.every]
     every = (ctypes.c_size_t * len(places))(*places)
-    create, step = _Create(bound.create), _Step(bound.step)
-    declared = _Service(
+    return _Service(
         service.name.encode(), inputs, len(inputs), outputs, len(outputs), keys, len(keys), create, step, _Destroy(),
         every, len(every), options, len(options),
     )
+
+
+def main(service):
+    """Runs the service as the launcher's command line says, and ends the program."""
+    library = _load()
+    bound = _Bound(library, service)
+    create, step = _Create(bound.create), _Step(bound.step)
+    declared = _declared(service, create, step)
     arguments = (ctypes.c_char_p * len(sys.argv))(*[argument.encode() for argument in sys.argv])
     sys.exit(library.fss_main(len(arguments), arguments, ctypes.byref(declared)))
+
+
+class Joined(_Ports):
+    """The ports of a service for a program with a loop of its own, which no launcher starts, watches or replays.
+
+    It joins a stack that runs, by the stack's prefix in shared memory: "fss_N_" where N is the process number of `fss run`.
+    Each `take` takes what has come, and what is published is sent at once::
+
+        with Joined(Meter, "fss_1234_") as stack:
+            now_ns = stack.take()
+            nav = stack.inputs.nav.within(now_ns, 100_000_000)
+    """
+
+    def __init__(self, service, bus, vehicle=""):
+        library = _load()
+        super().__init__(library, service)
+        address = library.fss_open(ctypes.byref(_declared(service)), bus.encode(), vehicle.encode())
+        if not address:
+            raise RuntimeError(library.fss_error().decode())
+        self.at(address)
+
+    def take(self):
+        """Takes what has come since the last time; returns the time, ns."""
+        return self._library.fss_take(self._address)
+
+    def close(self):
+        """Leaves the stack."""
+        self._library.fss_close(self._address)
+        self.at(None)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()

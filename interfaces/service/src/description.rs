@@ -2,7 +2,7 @@
 
 use crate::process::read;
 use fss_bus::{InputPorts, OutputPorts, PortVisitor, RawTopic, Service};
-use fss_messages::topic::{Owner, Topic};
+use fss_messages::topic::{Owner, Topic, is_shared};
 use fss_messages::{Definition, Sample};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::{Deserialize, Serialize};
@@ -88,6 +88,22 @@ impl Description {
         S::Inputs::visit(&mut inputs);
         S::Outputs::visit(&mut outputs);
         Self { format: FORMAT.to_owned(), service: S::NAME.to_owned(), inputs: inputs.0, outputs: outputs.0 }
+    }
+
+    /// Its inputs as the bus has them, each with whether every sample is taken.
+    ///
+    /// # Errors
+    /// Where a definition is none of a plain sample.
+    pub fn input_topics(&self) -> Result<Vec<(RawTopic, bool)>> {
+        self.inputs.iter().map(|port| Ok((port.to_topic()?, port.every))).collect()
+    }
+
+    /// Its outputs as the bus has them, but for the topics on which every service speaks: for these there are ports already.
+    ///
+    /// # Errors
+    /// Where a definition is none of a plain sample.
+    pub fn output_topics(&self) -> Result<Vec<RawTopic>> {
+        self.outputs.iter().filter(|port| !is_shared(&port.topic)).map(PortDescription::to_topic).collect()
     }
 
     /// Reads what a program said of itself.

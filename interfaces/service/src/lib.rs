@@ -75,6 +75,25 @@
 //! main!(Damper);
 //! ```
 //!
+//! A program with a loop of its own, which no launcher starts, joins a stack that runs by its prefix in shared memory (`fss_N_` where N is
+//! the process number of `fss run`):
+//!
+//! ```no_run
+//! use fss_service::{Bus, InputPort, Latest, SharedConfig, realtime, topics};
+//!
+//! let bus = Bus::shared(&SharedConfig { node: "display".to_owned(), prefix: "fss_1234_".to_owned() })?;
+//! let mut nav = Latest::open(&bus, topics::NAV_STATE)?;
+//! loop {
+//!     nav.refresh();
+//!     if let Some(nav) = nav.within(realtime::now()?, 100_000_000) {
+//!         println!("{:.3} m", nav.x_m);
+//!     }
+//!     std::thread::sleep(std::time::Duration::from_millis(100));
+//! }
+//! # #[allow(unreachable_code)]
+//! # Ok::<(), fss_service::Refusal>(())
+//! ```
+//!
 //! [`Process`] is what [`main!`] stands on: a process's stack, for programs that come with fss. [`RawProgram`] is what bindings to other
 //! languages stand on.
 
@@ -85,7 +104,9 @@ mod program;
 
 pub use description::{Description, FORMAT, PROGRAMS_FILE, PortDescription, ProgramEntry, read_programs, topics_of};
 pub use explain::explain_errors;
-pub use fss_bus::{Batch, InputPort, Latest, Output, OutputPort, Service, Time, inputs, outputs};
+pub use fss_bus::{
+    Batch, Bus, InputPort, Latest, Output, OutputPort, Service, SharedConfig, Time, inputs, outputs, realtime,
+};
 pub use fss_messages as messages;
 pub use fss_messages::topic as topics;
 pub use process::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE, Process, STOP_TIME, SiteArgs, stop_on_signal};

@@ -1,10 +1,9 @@
 //! A service as a program of its own.
 
-use crate::description::{Description, PortDescription};
+use crate::description::Description;
 use crate::process::{Process, SiteArgs};
 use clap::Parser;
 use fss_bus::{RawRunner, RawService, Run, Runner, Service, lockstep};
-use fss_messages::topic::is_shared;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -180,11 +179,7 @@ fn fly_raw(program: &impl RawProgram, cli: &Cli) -> Result<()> {
     let config = process.schedule(name)?.config_text();
     check_raw(program, &config)?;
     let service = program.make(&config, &process.site(name)?).map_err(|e| miette!("{e}")).wrap_err(name.clone())?;
-    // What every service says goes by a port of its own.
-    let outputs: Vec<_> = description.outputs.iter().filter(|port| !is_shared(&port.topic)).collect();
-    let inputs =
-        description.inputs.iter().map(|port| Ok((port.to_topic()?, port.every))).collect::<Result<Vec<_>>>()?;
-    let outputs = outputs.into_iter().map(PortDescription::to_topic).collect::<Result<Vec<_>>>()?;
+    let (inputs, outputs) = (description.input_topics()?, description.output_topics()?);
     let mut runner = RawRunner::new(service, name, &inputs, &outputs, &process.bus).into_diagnostic()?;
     run_on(cli, &process, &mut runner)
 }
