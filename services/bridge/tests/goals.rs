@@ -269,3 +269,15 @@ fn a_list_that_makes_no_sense_is_refused_where_it_stands_with_what_to_do() {
         assert!(refused.span.is_some() || to.starts_with("vehicle"), "{words} has no place");
     }
 }
+
+#[test]
+fn the_tables_of_the_page_are_read_as_printed() {
+    let page = include_str!("../../../docs/ros2.md");
+    let tables: String =
+        page.split("```toml").skip(1).filter_map(|rest| rest.split("```").next()).collect::<Vec<_>>().join("\n");
+    let devices = LAUNCH.split("[ros2]").next().unwrap();
+    let ros2 = Launch::parse(&format!("{devices}{tables}"), &["bridge"]).unwrap().ros2.unwrap();
+    let names: Vec<_> = ros2.receive.iter().map(|receive| receive.topic.get_ref().as_str()).collect();
+    assert_eq!((names, ros2.share.len()), (vec!["/goal_pose", "/joint_commands"], 3));
+    assert!(ros2.listen().iter().all(|address| address.ip().is_loopback()), "alone on its host where nothing is said");
+}
