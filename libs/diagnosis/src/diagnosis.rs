@@ -91,7 +91,7 @@ pub struct Discrepancy {
 /// RMS error of a channel in one run over what noise alone would give.
 #[derive(Clone, Debug)]
 pub struct ChannelMisfit {
-    /// The channel.
+    /// `base_x`, `gyro`, `ee_theta`, `current1`, `q1` and so on.
     pub channel: String,
     /// The run.
     pub run: String,
@@ -104,9 +104,9 @@ pub struct ChannelMisfit {
 }
 
 impl ChannelMisfit {
-    /// RMS over noise.
+    /// RMS over noise; infinite where the plant file states none.
     pub fn ratio(&self) -> f64 {
-        self.rms / self.noise
+        if self.noise > 0.0 { self.rms / self.noise } else { f64::INFINITY }
     }
 }
 

@@ -24,16 +24,17 @@ const NORMAL_MEDIAN: f64 = 0.6745;
 const THIRD_DIFFERENCE: f64 = 4.472_135_955;
 
 /// Runs that can be used, and what there was to say of them.
-pub(crate) struct Examined {
+pub struct Examined {
     /// The plant, its sensors as noisy as they are.
-    pub(crate) plant: Plant,
-    pub(crate) runs: Vec<Run>,
+    pub plant: Plant,
+    /// The runs without what is no measurement.
+    pub runs: Vec<Run>,
     /// A sentence each.
-    pub(crate) remarks: Vec<String>,
+    pub remarks: Vec<String>,
 }
 
 /// Looks at all runs.
-pub(crate) fn examine(plant: &Plant, runs: &[Run]) -> Examined {
+pub fn examine(plant: &Plant, runs: &[Run]) -> Examined {
     let mut out = Examined { plant: plant.clone(), runs: runs.to_vec(), remarks: Vec::new() };
     for run in &mut out.runs {
         for (name, poses) in [("base_pose", &mut run.base_pose), ("ee_pose", &mut run.ee_pose)] {
@@ -104,7 +105,7 @@ fn without_telemetry(runs: &[Run], commanded: bool) -> Option<String> {
     let which = runs.iter().filter(|run| run.joints.is_none() && run.joint_command.is_some() == commanded);
     let names: Vec<&str> = which.map(|run| run.name.as_str()).collect();
     let how = if commanded {
-        "it is taken to stand where it was told to, and a run in which it is told to move is left out"
+        "it is taken to stand where it was told to; times or runs in which it is told to move are left out"
     } else {
         "nor a command for it: it is taken to rest at zero"
     };

@@ -22,7 +22,7 @@ mod candidates;
 mod conclude;
 pub mod diagnosis;
 mod draw;
-mod examine;
+pub mod examine;
 mod gram;
 pub mod joints;
 mod misfit;
@@ -34,7 +34,7 @@ mod screening;
 mod search;
 mod servo_response;
 mod startup_transient;
-mod uncertain;
+pub mod uncertain;
 
 pub use conclude::ASSERTED;
 use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};

@@ -10,20 +10,24 @@ const GAIN_SHARE: f64 = 0.15;
 
 /// One uncertain value.
 #[derive(Clone, Debug)]
-pub(crate) struct Uncertain {
+pub struct Uncertain {
     /// What it is, for reports.
-    pub(crate) name: String,
+    pub name: String,
     /// Standard deviation, SI units.
-    pub(crate) sd: f64,
-    index: usize,
+    pub sd: f64,
+    /// Which link or thruster, from 0.
+    pub index: usize,
     value: Value,
 }
+
+/// A field of a plant, of the link or thruster of an index.
+type Field = fn(&mut Plant, usize) -> &mut f64;
 
 /// Where in a plant a value stands.
 #[derive(Clone, Copy, Debug)]
 enum Value {
     /// In one field.
-    Field(fn(&mut Plant, usize) -> &mut f64),
+    Field(Field),
     /// A thruster's thrust at level 1, by which a curve is scaled.
     Thrust,
 }
@@ -45,9 +49,14 @@ impl Value {
 }
 
 impl Uncertain {
+    /// Its value in a plant, SI units.
+    pub fn of(&self, plant: &Plant) -> f64 {
+        self.value.of(plant, self.index)
+    }
+
     /// The plant with this value moved by `by` standard deviations.
-    pub(crate) fn moved(&self, plant: &Plant, by: f64) -> Plant {
-        let value = self.value.of(plant, self.index);
+    pub fn moved(&self, plant: &Plant, by: f64) -> Plant {
+        let value = self.of(plant);
         // A mass or a friction cannot become negative, however unsure the laboratory is of it.
         let floor = if value > 0.0 && self.is_positive() { 0.05 * value } else { f64::NEG_INFINITY };
         let mut plant = plant.clone();
@@ -60,15 +69,29 @@ impl Uncertain {
     }
 }
 
-/// Every uncertain value of a plant.
+/// Every uncertain value of a plant: those that its file states, and where it states any, the gains of a floating arm's servos.
 pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
-    let Some(u) = &plant.uncertainty else { return Vec::new() };
-    let mut all = Vec::new();
-    let mut add = |name: String, sd: f64, index: usize, value: fn(&mut Plant, usize) -> &mut f64| {
+    let mut all = stated(plant);
+    if plant.uncertainty.is_some() && !plant.base.clamped {
+        (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all)));
+    }
+    all
+}
+
+/// Adds a value in one field, where it is uncertain at all.
+fn add_to(all: &mut Vec<Uncertain>) -> impl FnMut(String, f64, usize, Field) {
+    |name, sd, index, value| {
         if sd > 0.0 {
             all.push(Uncertain { name, sd, index, value: Value::Field(value) });
         }
-    };
+    }
+}
+
+/// The values that `[uncertainty]` states.
+pub fn stated(plant: &Plant) -> Vec<Uncertain> {
+    let Some(u) = &plant.uncertainty else { return Vec::new() };
+    let mut all = Vec::new();
+    let mut add = add_to(&mut all);
     if !plant.base.clamped {
         add("base mass_kg".into(), u.base_mass_kg, 0, |p, _| &mut p.base.mass_kg);
         add("base inertia_kg_m2".into(), u.base_inertia_kg_m2, 0, |p, _| &mut p.base.inertia_kg_m2);
@@ -80,10 +103,8 @@ pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     }
     for i in 0..plant.links.len() {
         links(u, i, &mut add);
-        if !plant.base.clamped {
-            gains(plant.servo(i), i, &mut add);
-        }
     }
+    drop(add);
     if u.thrust_n > 0.0 {
         let name = |i: usize| format!("thruster {} thrust_N", i + 1);
         let thrust = |i: usize| Uncertain { name: name(i), sd: u.thrust_n, index: i, value: Value::Thrust };
@@ -92,7 +113,7 @@ pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     all
 }
 
-fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, fn(&mut Plant, usize) -> &mut f64)) {
+fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, Field)) {
     let name = |what: &str| format!("link {} {what}", i + 1);
     add(name("length_m"), u.link_length_m, i, |p, i| &mut p.links[i].length_m);
     add(name("com_to_next_joint_m"), u.com_to_next_joint_m, i, |p, i| &mut p.links[i].com_to_next_joint_m);
@@ -106,7 +127,7 @@ fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, fn(
     add(name("torque_constant_N_m_A"), u.torque_constant_n_m_a, i, |p, i| &mut p.links[i].torque_constant_n_m_a);
 }
 
-fn gains(of: &Servo, i: usize, add: &mut impl FnMut(String, f64, usize, fn(&mut Plant, usize) -> &mut f64)) {
+fn gains(of: &Servo, i: usize, add: &mut impl FnMut(String, f64, usize, Field)) {
     let name = |what: &str| format!("servo {} {what}", i + 1);
     add(name("position_gain_1_s"), GAIN_SHARE * of.position_gain_1_s, i, |p, i| &mut own_servo(p, i).position_gain_1_s);
     add(name("velocity_gain_N_m_s_rad"), GAIN_SHARE * of.velocity_gain_n_m_s_rad, i, |p, i| {

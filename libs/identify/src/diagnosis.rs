@@ -5,26 +5,18 @@ use crate::empirical::{of_joints, winner};
 use crate::hypothesis::OUTSIDE;
 use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
-use crate::integrity::{Examined, examine};
 use crate::misfit::{ChannelMisfit, Windows};
 use crate::prediction::{Data, Runs, overall, predictive};
 use crate::search::selected;
 use crate::unexplained::{Unexplained, describe};
-use crate::verdict::{Judgement, judge, nothing_asserted};
+use crate::verdict::{Judgement, after_validation, judge, nothing_asserted};
+use fss_diagnosis::diagnosis::{Gain, Verdict};
+use fss_diagnosis::examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
 
-pub use crate::verdict::{Alternative, Cause, Verdict};
-
-/// RMS over the noise of all channels of the validation runs (of the fitted ones where there are none).
-#[derive(Clone, Copy, Debug)]
-pub struct Gain {
-    /// With the plant as given, its uncertain values settled.
-    pub before: f64,
-    /// With the extended model.
-    pub after: f64,
-}
+pub use crate::verdict::{Alternative, Cause};
 
 /// A cause as a linear fit sees it, for the ranking of the report.
 #[derive(Clone, Debug)]
@@ -147,7 +139,7 @@ fn conclude(
     let mut extended = if causes.is_empty() { file.clone() } else { with_causes };
     extended.effects.extend(causes.iter().map(|c| c.effect.clone()));
     let (before, mut after) = (data.told_as_read(&file)?, data.told(&extended)?);
-    verdict = verdict.after_validation(data.left(&extended, after.judged())?);
+    verdict = after_validation(verdict, data.left(&extended, after.judged())?);
     let (ranking, confusability) = ranking(contest, selection);
     let (mut unexplained, mut empirical) = (None, Vec::new());
     if verdict.leaves_something() {

@@ -12,29 +12,7 @@ use fss_experiments::measured::{Drive, Run};
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 
-/// One channel in one run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ChannelMisfit {
-    /// The run.
-    pub run: String,
-    /// `base_x`, `base_y`, `base_theta`, `gyro`, `ee_x`, `ee_y`, `ee_theta`; `torque1` and so on, the torque sensor against
-    /// the motion; `current1` and so on, the torque sensor against the current; `q1`, `qd1` of a clamped arm.
-    pub channel: String,
-    /// RMS of measured less simulated, SI units.
-    pub rms: f64,
-    /// RMS that noise alone would give: the sensor's own, and what noise and slowness of the joints' telemetry leave
-    /// unknown of the arm's motion.
-    pub noise: f64,
-    /// Measured less simulated over time, for plots: s, SI units.
-    pub residuals: Vec<(f64, f64)>,
-}
-
-impl ChannelMisfit {
-    /// RMS over what noise alone would give; infinite where the plant file gives no noise.
-    pub fn ratio(&self) -> f64 {
-        if self.noise > 0.0 { self.rms / self.noise } else { f64::INFINITY }
-    }
-}
+pub use fss_diagnosis::diagnosis::ChannelMisfit;
 
 /// How runs are cut.
 #[derive(Clone, Copy, Debug)]

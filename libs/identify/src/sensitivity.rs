@@ -4,7 +4,7 @@ use crate::evidence::{Cell, Evidence};
 use crate::hypothesis::{Hypothesis, with};
 use crate::normal::Normal;
 use crate::trial::Trial;
-use crate::uncertain::Uncertain;
+use fss_diagnosis::uncertain::Uncertain;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
 use nalgebra::{DMatrix, DVector};

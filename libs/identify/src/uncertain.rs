@@ -1,44 +1,7 @@
-//! Values of a plant that are known only so well: `[uncertainty]` of the plant file.
-//!
-//! They are never named as causes. They take up what they may, as far as their standard deviations make it likely.
+//! Values of a plant that its file states as uncertain, as the causes that they would be far beyond their deviations.
 
-use fss_plant::{Effect, Plant, Uncertainty};
-
-/// One uncertain value.
-#[derive(Clone, Debug)]
-pub(crate) struct Uncertain {
-    /// What it is, for reports.
-    pub(crate) name: String,
-    /// Standard deviation, SI units.
-    pub(crate) sd: f64,
-    index: usize,
-    value: Value,
-}
-
-/// Where in a plant a value stands.
-#[derive(Clone, Copy, Debug)]
-enum Value {
-    /// In one field.
-    Field(fn(&mut Plant, usize) -> &mut f64),
-    /// A thruster's thrust at level 1, by which a curve is scaled.
-    Thrust,
-}
-
-impl Value {
-    fn of(self, plant: &Plant, index: usize) -> f64 {
-        match self {
-            Self::Field(field) => *field(&mut plant.clone(), index),
-            Self::Thrust => plant.thrust_n(index),
-        }
-    }
-
-    fn set(self, plant: &mut Plant, index: usize, value: f64) {
-        match self {
-            Self::Field(field) => *field(plant, index) = value,
-            Self::Thrust => plant.set_thrust_n(index, value),
-        }
-    }
-}
+use fss_diagnosis::uncertain::Uncertain;
+use fss_plant::{Effect, Plant};
 
 /// Of a link's values, the cause that each would be far beyond its deviation.
 const CAUSES: [(&str, &str); 7] = [
@@ -51,75 +14,16 @@ const CAUSES: [(&str, &str); 7] = [
     ("torque_constant_N_m_A", "torque_constant"),
 ];
 
-impl Uncertain {
-    /// The plant with this value moved by `by` standard deviations.
-    pub(crate) fn moved(&self, plant: &Plant, by: f64) -> Plant {
-        let value = self.value.of(plant, self.index);
-        // A mass or a friction cannot become negative, however unsure the laboratory is of it.
-        let floor = if value > 0.0 && self.is_positive() { 0.05 * value } else { f64::NEG_INFINITY };
-        let mut plant = plant.clone();
-        self.value.set(&mut plant, self.index, (value + by * self.sd).max(floor));
-        plant
-    }
-
-    /// The cause that this value of a link, so many standard deviations away from `plant`'s, would be.
-    pub(crate) fn as_cause(&self, plant: &Plant, by: f64) -> Option<Effect> {
-        let what = self.name.strip_prefix(&format!("link {} ", self.index + 1))?;
-        let (_, id) = CAUSES.iter().find(|(name, _)| *name == what)?;
-        let nominal = self.value.of(plant, self.index);
-        let value = match *id {
-            // An encoder that reads too much makes its joint stand at less.
-            "encoder_offset" => -by * self.sd,
-            "torque_constant" => 1.0 + by * self.sd / nominal,
-            _ => nominal + by * self.sd,
-        };
-        Some(Effect::new(id).ok()?.at(self.index + 1).with(&[value]))
-    }
-
-    fn is_positive(&self) -> bool {
-        !(self.name.contains("joint1") || self.name.contains("offset"))
-    }
-}
-
-/// Every uncertain value of a plant.
-pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
-    let Some(u) = &plant.uncertainty else { return Vec::new() };
-    let mut all = Vec::new();
-    let mut add = |name: String, sd: f64, index: usize, value: fn(&mut Plant, usize) -> &mut f64| {
-        if sd > 0.0 {
-            all.push(Uncertain { name, sd, index, value: Value::Field(value) });
-        }
+/// The cause that a value of a link, so many standard deviations away from `plant`'s, would be.
+pub(crate) fn as_cause(uncertain: &Uncertain, plant: &Plant, by: f64) -> Option<Effect> {
+    let what = uncertain.name.strip_prefix(&format!("link {} ", uncertain.index + 1))?;
+    let (_, id) = CAUSES.iter().find(|(name, _)| *name == what)?;
+    let nominal = uncertain.of(plant);
+    let value = match *id {
+        // An encoder that reads too much makes its joint stand at less.
+        "encoder_offset" => -by * uncertain.sd,
+        "torque_constant" => 1.0 + by * uncertain.sd / nominal,
+        _ => nominal + by * uncertain.sd,
     };
-    if !plant.base.clamped {
-        add("base mass_kg".into(), u.base_mass_kg, 0, |p, _| &mut p.base.mass_kg);
-        add("base inertia_kg_m2".into(), u.base_inertia_kg_m2, 0, |p, _| &mut p.base.inertia_kg_m2);
-    }
-    if !plant.links.is_empty() {
-        add("joint1 x_m".into(), u.joint1_xy_m, 0, |p, _| &mut p.base.joint1_xy_m[0]);
-        add("joint1 y_m".into(), u.joint1_xy_m, 0, |p, _| &mut p.base.joint1_xy_m[1]);
-        add("joint1 angle_rad".into(), u.joint1_angle_rad, 0, |p, _| &mut p.base.joint1_angle_rad);
-    }
-    for i in 0..plant.links.len() {
-        links(u, i, &mut add);
-    }
-    if u.thrust_n > 0.0 {
-        let name = |i: usize| format!("thruster {} thrust_N", i + 1);
-        let thrust = |i: usize| Uncertain { name: name(i), sd: u.thrust_n, index: i, value: Value::Thrust };
-        all.extend((0..plant.thrusters.len()).map(thrust));
-    }
-    all
-}
-
-fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, fn(&mut Plant, usize) -> &mut f64)) {
-    let name = |what: &str| format!("link {} {what}", i + 1);
-    add(name("length_m"), u.link_length_m, i, |p, i| &mut p.links[i].length_m);
-    add(name("com_to_next_joint_m"), u.com_to_next_joint_m, i, |p, i| &mut p.links[i].com_to_next_joint_m);
-    add(name("mass_kg"), u.link_mass_kg, i, |p, i| &mut p.links[i].mass_kg);
-    add(name("inertia_kg_m2"), u.link_inertia_kg_m2, i, |p, i| &mut p.links[i].inertia_kg_m2);
-    add(name("joint_offset_rad"), u.joint_offset_rad, i, |p, i| &mut p.links[i].joint_offset_rad);
-    add(name("coulomb_friction_N_m"), u.coulomb_friction_n_m, i, |p, i| &mut p.links[i].coulomb_friction_n_m);
-    add(name("viscous_friction_N_m_s_rad"), u.viscous_friction_n_m_s_rad, i, |p, i| {
-        &mut p.links[i].viscous_friction_n_m_s_rad
-    });
-    add(name("torque_constant_N_m_A"), u.torque_constant_n_m_a, i, |p, i| &mut p.links[i].torque_constant_n_m_a);
+    Some(Effect::new(id).ok()?.at(uncertain.index + 1).with(&[value]))
 }

@@ -2,6 +2,7 @@
 
 use crate::contest::{Contest, DOUBTFUL, Refined, Selection};
 use crate::hypothesis::OUTSIDE;
+use fss_diagnosis::diagnosis::Verdict;
 use fss_plant::{Effect, Place};
 
 /// Mean square of the whitened residuals below which noise alone explains them.
@@ -19,42 +20,12 @@ const LIGHT: f64 = 1.4;
 /// What pushes a base harder than the room's air by more than this many times what its lightness would lend the air is not air.
 const LENT: f64 = 3.0;
 
-/// What the diagnosis comes to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// Noise, room air and stated uncertainty explain the data.
-    Consistent,
-    /// The causes asserted explain what was wrong.
-    Explained,
-    /// They explain most of it.
-    PartlyExplained,
-    /// Something is wrong that no known effect explains.
-    Unexplained,
-}
-
-impl Verdict {
-    /// The word in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Consistent => "consistent",
-            Self::Explained => "explained",
-            Self::PartlyExplained => "partly_explained",
-            Self::Unexplained => "unexplained",
-        }
-    }
-
-    /// Whether it leaves something that no known effect explains.
-    pub(crate) fn leaves_something(self) -> bool {
-        matches!(self, Self::Unexplained | Self::PartlyExplained)
-    }
-
-    /// What explains the runs that were fitted must explain others too: there nothing has counted for noise that is none.
-    pub(crate) fn after_validation(self, left: f64) -> Self {
-        match self {
-            Self::Consistent if left > ALL_EXPLAINED => Self::Unexplained,
-            Self::Explained if left > ALL_EXPLAINED => Self::PartlyExplained,
-            other => other,
-        }
+/// What explains the runs that were fitted must explain others too: there nothing has counted for noise that is none.
+pub(crate) fn after_validation(verdict: Verdict, left: f64) -> Verdict {
+    match verdict {
+        Verdict::Consistent if left > ALL_EXPLAINED => Verdict::Unexplained,
+        Verdict::Explained if left > ALL_EXPLAINED => Verdict::PartlyExplained,
+        other => other,
     }
 }
 

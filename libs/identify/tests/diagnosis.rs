@@ -1,8 +1,9 @@
 //! Vehicles that are not the paper's: a base without an arm, seen 20 times a second, without a gyro.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use fss_diagnosis::diagnosis::Verdict;
 use fss_experiments::measured::{Poses, Run};
-use fss_identify::diagnosis::{Verdict, diagnose};
+use fss_identify::diagnosis::diagnose;
 use fss_plant::{Plant, Uncertainty};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

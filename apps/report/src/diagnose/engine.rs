@@ -1,10 +1,9 @@
 //! The two engines of the diagnosis. Marginal likelihoods replace the windowed contest where they have been shown to be better.
 
 use clap::ValueEnum;
-use fss_diagnosis::diagnosis::{Alternative, Cause, ChannelMisfit, Diagnosis, Gain, Remainder, Verdict};
+use fss_diagnosis::diagnosis::{Alternative, Cause, Diagnosis, Remainder};
 use fss_experiments::measured::Run;
 use fss_identify::diagnosis as windowed;
-use fss_identify::misfit;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 
@@ -49,17 +48,11 @@ pub(super) fn diagnose(
 }
 
 fn of_windowed(answer: windowed::Diagnosis) -> Diagnosis {
-    let misfits = |all: Vec<misfit::ChannelMisfit>| all.into_iter().map(channel).collect();
     let mismatches = answer.input_mismatch.iter().map(ToString::to_string);
     let share = |r: &windowed::Ranked| (r.effect.clone(), r.share);
     Diagnosis {
         remarks: answer.remarks.iter().cloned().chain(mismatches).collect(),
-        verdict: match answer.verdict {
-            windowed::Verdict::Consistent => Verdict::Consistent,
-            windowed::Verdict::Explained => Verdict::Explained,
-            windowed::Verdict::PartlyExplained => Verdict::PartlyExplained,
-            windowed::Verdict::Unexplained => Verdict::Unexplained,
-        },
+        verdict: answer.verdict,
         probability_of_none: if answer.causes.is_empty() { 1.0 } else { 0.0 },
         causes: answer.causes.into_iter().map(cause).collect(),
         suspects: answer.suspects.into_iter().map(cause).collect(),
@@ -73,11 +66,11 @@ fn of_windowed(answer: windowed::Diagnosis) -> Diagnosis {
             depends_on: u.depends_on.clone(),
         }),
         run_to_run: 0.0,
-        before: misfits(answer.before),
-        after: misfits(answer.after),
-        validation_before: misfits(answer.validation_before),
-        validation_after: misfits(answer.validation_after),
-        gain: Gain { before: answer.gain.before, after: answer.gain.after },
+        before: answer.before,
+        after: answer.after,
+        validation_before: answer.validation_before,
+        validation_after: answer.validation_after,
+        gain: answer.gain,
         settled: answer.settled,
         extended: answer.extended,
     }
@@ -96,8 +89,4 @@ fn cause(cause: windowed::Cause) -> Cause {
         validation_nats: None,
         left_out_nats: 0.0,
     }
-}
-
-fn channel(of: misfit::ChannelMisfit) -> ChannelMisfit {
-    ChannelMisfit { channel: of.channel, run: of.run, rms: of.rms, noise: of.noise, residuals: of.residuals }
 }

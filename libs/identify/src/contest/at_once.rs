@@ -7,6 +7,7 @@
 use super::Contest;
 use super::settle::Descent;
 use crate::hypothesis::Hypothesis;
+use crate::uncertain::as_cause;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
 use nalgebra::{DMatrix, DVector};
@@ -83,7 +84,7 @@ impl Contest {
     /// Causes whose parameters may move freely: those with a size of their own, which no uncertain value stands for.
     fn is_loose(&self, hypothesis: &Hypothesis) -> bool {
         let is_uncertain =
-            self.uncertain.iter().any(|u| u.as_cause(&self.trial.plant, 0.0).is_some_and(|e| hypothesis.is_of(&e)));
+            self.uncertain.iter().any(|u| as_cause(u, &self.trial.plant, 0.0).is_some_and(|e| hypothesis.is_of(&e)));
         let has_size = !hypothesis.has_shape || hypothesis.nominal.id() == "joint_spring";
         has_size && !hypothesis.is_discrete && !is_uncertain
     }
@@ -100,7 +101,7 @@ impl Contest {
         };
         let cause = |candidate: usize, at: &[f64]| -> Option<(usize, Effect)> {
             let (hypothesis, effect) = if candidate < all.uncertain {
-                let effect = self.uncertain[candidate].as_cause(file, at[candidate])?;
+                let effect = as_cause(&self.uncertain[candidate], file, at[candidate])?;
                 (self.hypotheses.iter().position(|h| h.is_of(&effect))?, effect)
             } else {
                 let hypothesis = &self.hypotheses[own[candidate - all.uncertain]];

@@ -27,7 +27,7 @@ use crate::normal::Normal;
 use crate::sensitivity::{Column, normals};
 use crate::tolerance::tolerance;
 use crate::trial::Trial;
-use crate::uncertain::{Uncertain, uncertain};
+use fss_diagnosis::uncertain::{Uncertain, stated};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
@@ -72,7 +72,7 @@ impl Contest {
     pub(crate) fn new(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
         let trial = Trial::of(plant);
         let evidence = Evidence::gather(&trial, runs, windows)?;
-        let uncertain = uncertain(plant);
+        let uncertain = stated(plant);
         let hypotheses = hypotheses(plant, runs);
         let order = Order::new(plant, &uncertain, &hypotheses);
         let columns = evidence.cells.iter().map(|c| DMatrix::zeros(c.residual.len(), order.width)).collect();
