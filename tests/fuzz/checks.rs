@@ -6,6 +6,8 @@ use fss_mission::Mission;
 use fss_plant::Plant;
 use fss_records::experiment::{Experiment, Table};
 use fss_records::log::Log;
+use fss_ros2::incoming::{joint_state, pose_2d, pose_stamped};
+use fss_ros2::rmw_zenoh::Attachment;
 use fss_wire::mocap::{Axes, Protocol, Reader, Tracker};
 use fss_wire::{bridge, dsp3000, link, natnet, shared_table, valves, vicon, vrpn};
 use std::path::{Path, PathBuf};
@@ -22,6 +24,7 @@ pub const CHECKS: &[Check] = &[
     ("link", check_link),
     ("valves", check_valves),
     ("bridge", check_bridge),
+    ("ros2", check_ros2),
     ("granite", check_granite),
     ("log", check_log),
     ("table", check_table),
@@ -80,6 +83,21 @@ fn sightings_are_poses(reader: &mut Reader, bytes: &[u8]) {
 pub fn check_bridge(bytes: &[u8]) {
     if let Ok(envelope) = bridge::Envelope::decode(bytes) {
         assert_eq!(envelope.encode(), bytes);
+    }
+}
+
+/// A goal of a node of ROS 2 is read, finite where it says something, or refused; so is what goes with it.
+pub fn check_ros2(bytes: &[u8]) {
+    let joints = ["joint_1", "joint_2", "joint_3", "joint_4"].map(str::to_owned);
+    for goal in [pose_stamped(bytes), pose_2d(bytes)].into_iter().flatten() {
+        assert!(goal.base_goal.iter().all(|value| value.is_finite()) && goal.q_goal_rad.iter().all(|q| q.is_nan()));
+    }
+    if let Ok(goal) = joint_state(bytes, &joints) {
+        assert!(goal.base_goal.iter().chain(&goal.q_goal_rad[4..]).all(|value| value.is_nan()));
+        assert!(goal.q_goal_rad.iter().any(|q| q.is_finite()) && goal.q_goal_rad.iter().all(|q| !q.is_infinite()));
+    }
+    if let Some(attachment) = Attachment::decode(bytes) {
+        assert_eq!(attachment.encode(), bytes);
     }
 }
 

@@ -16,7 +16,7 @@ mod stack;
 mod view;
 
 use clap::{Args, Subcommand};
-use fss_multibody::{Coordinates, Model, Sensitivity, State, integrate, step_with_derivatives};
+use fss_multibody::{Coordinates, Model, State, integrate};
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
@@ -155,7 +155,6 @@ struct DynamicsTimes {
     links: usize,
     forward_dynamics_ns: f64,
     rk4_step_ns: f64,
-    step_with_derivatives_ns: f64,
     runs: usize,
 }
 
@@ -216,7 +215,6 @@ fn dynamics(args: &DynamicsArgs) -> Result<()> {
         say!("links                   {}", times.links);
         say!("forward dynamics        {:.0} ns", times.forward_dynamics_ns);
         say!("RK4 step                {:.0} ns", times.rk4_step_ns);
-        say!("RK4 step + transition   {:.0} ns", times.step_with_derivatives_ns);
         say!("medians of {} runs", times.runs);
     }
     Ok(())
@@ -242,14 +240,8 @@ fn time_dynamics(model: &Model) -> DynamicsTimes {
     // Steps so short that the state stays where the timing is typical; each starts from the one before it.
     let mut flying = state;
     let rk4_step_ns = median_ns(|| flying = integrate::step_rk4(model, &flying, 1e-6, |_, _| tau));
-    let mut flying = state;
-    let mut tangents: Vec<Sensitivity> =
-        (0..n).map(Sensitivity::to_coordinate).chain((0..n).map(Sensitivity::to_velocity)).collect();
-    let law = |_: f64, _: &State| tau;
-    let step_with_derivatives_ns =
-        median_ns(|| flying = step_with_derivatives(model, &flying, 1e-7, &law, &mut tangents));
-    black_box((flying, tangents));
-    DynamicsTimes { links: model.link_count(), forward_dynamics_ns, rk4_step_ns, step_with_derivatives_ns, runs: RUNS }
+    black_box(flying);
+    DynamicsTimes { links: model.link_count(), forward_dynamics_ns, rk4_step_ns, runs: RUNS }
 }
 
 fn median_ns(mut evaluate: impl FnMut()) -> f64 {

@@ -17,6 +17,7 @@ pub const FAULT_EVERY_S: f64 = 4.0;
 /// Missions that come with the program.
 pub const MISSIONS: &[(&str, &str)] = &[
     ("hold", include_str!("../../../deploy/etc/missions/hold.toml")),
+    ("follow", include_str!("../../../deploy/etc/missions/follow.toml")),
     ("slew", include_str!("../../../deploy/etc/missions/slew.toml")),
     ("reach", include_str!("../../../deploy/etc/missions/reach.toml")),
     ("zero-reaction", include_str!("../../../deploy/etc/missions/zero-reaction.toml")),

@@ -44,10 +44,10 @@ impl Neighbours {
         self.heard.iter().filter(|foreign| foreign.topic != topic::PEER.name)
     }
 
-    /// The vehicles of which something is heard, in the order in which they occur.
+    /// The vehicles of which something comes, in the order in which they occur.
     pub fn vehicles(&self) -> Vec<&str> {
         let mut vehicles: Vec<&str> = Vec::new();
-        for foreign in &self.heard {
+        for foreign in self.received() {
             if !vehicles.contains(&foreign.vehicle.as_str()) {
                 vehicles.push(&foreign.vehicle);
             }

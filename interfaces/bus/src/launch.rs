@@ -8,7 +8,7 @@ mod ros2;
 pub use bridge::{Bridge, ForeignTopic};
 pub use devices::Devices;
 pub use mocap::{Mocap, Natnet, Transport, Vicon, Vrpn};
-pub use ros2::Ros2;
+pub use ros2::{NODES, Ros2, Ros2Receive, Ros2Type};
 
 use crate::shared::READERS;
 use serde::Deserialize;

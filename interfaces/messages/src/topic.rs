@@ -1,8 +1,9 @@
 //! The topics of a stack: name, what travels on it, who publishes it.
 
 use crate::{
-    ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionCommand, MissionState,
-    MocapPose, NavState, Parameters, PeerState, Posture, Sample, Step, ThrustersCommand, ThrustersState, TruthState,
+    ArmCommand, BaseCommand, Event, GyroRate, Health, LinkDatagram, LinksState, MissionCommand, MissionGoal,
+    MissionState, MocapPose, NavState, Parameters, PeerState, Posture, Sample, Step, ThrustersCommand, ThrustersState,
+    TruthState,
 };
 use core::marker::PhantomData;
 
@@ -109,6 +110,8 @@ topics! {
     CALIBRATION_POSTURE: Posture = "/calibration/posture",
     /// What the ground wants of the mission; published by `ground`.
     MISSION_COMMAND: MissionCommand = "/mission/command",
+    /// Where nodes of ROS 2 want base and arm, as far as the launch file lets them; published by `bridge`.
+    MISSION_GOAL: MissionGoal = "/mission/goal",
     /// The values that the ground wants of parameters; published by `ground`.
     PARAMETERS_COMMAND: Parameters = "/parameters/command",
     /// The values of parameters in force, each service's own; published by those that have any.

@@ -1,4 +1,4 @@
-//! Writing ROS 2 messages that hold text or lists: XCDR1, little endian.
+//! Writing and reading ROS 2 messages that hold text or lists: XCDR1, little endian.
 
 use fss_messages::CDR_HEADER;
 
@@ -56,6 +56,57 @@ impl Cdr {
     /// The message with its encapsulation header.
     pub fn message(self) -> Vec<u8> {
         [&CDR_HEADER[..], &self.0].concat()
+    }
+}
+
+/// A message that is read; what does not lie within it is none.
+pub struct Reader<'a> {
+    body: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// Of a message with its encapsulation header, which must say XCDR1, little endian.
+    pub fn new(message: &'a [u8]) -> Option<Self> {
+        let (header, body) = message.split_first_chunk::<4>()?;
+        (header[..2] == CDR_HEADER[..2]).then_some(Self { body, at: 0 })
+    }
+
+    fn primitive<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let start = self.at.checked_next_multiple_of(N)?;
+        let (value, _) = self.body.get(start..)?.split_first_chunk()?;
+        self.at = start + N;
+        Some(*value)
+    }
+
+    /// A number.
+    pub fn u32(&mut self) -> Option<u32> {
+        self.primitive().map(u32::from_le_bytes)
+    }
+
+    /// A number.
+    pub fn f64(&mut self) -> Option<f64> {
+        self.primitive().map(f64::from_le_bytes)
+    }
+
+    /// A text, without the zero at its end.
+    pub fn text(&mut self) -> Option<&'a str> {
+        let len = self.u32()? as usize;
+        let bytes = self.body.get(self.at..self.at.checked_add(len)?)?;
+        self.at += len;
+        core::str::from_utf8(bytes.strip_suffix(&[0])?).ok()
+    }
+
+    /// `std_msgs/Header`: the time, ns since 1970, and the frame.
+    pub fn header(&mut self) -> Option<(u64, &'a str)> {
+        let (seconds, ns) = (self.u32()?, self.u32()?);
+        (ns < 1_000_000_000).then_some(())?;
+        Some((u64::from(seconds) * 1_000_000_000 + u64::from(ns), self.text()?))
+    }
+
+    /// Whether nothing is left but what fills up a multiple of four.
+    pub fn is_at_end(&self) -> bool {
+        self.body.len() - self.at < 4
     }
 }
 

@@ -3,7 +3,8 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`cdr`] | messages that hold text or lists; a plain sample is its own body |
-//! | [`standard`] | definitions of the standard messages that fss makes |
+//! | [`standard`] | definitions of the standard messages that fss makes or takes |
+//! | [`incoming`] | goals that nodes send |
 //! | [`robot`] | frames, joints and health as standard messages |
 //! | [`type_hash`] | RIHS01, the hash of a message's definition by which ROS 2 knows types |
 //! | [`rmw_zenoh`] | key expressions, liveliness tokens and attachments, as ROS 2's `rmw_zenoh` has them |
@@ -11,6 +12,7 @@
 #![forbid(unsafe_code)]
 
 pub mod cdr;
+pub mod incoming;
 pub mod rmw_zenoh;
 pub mod robot;
 pub mod standard;

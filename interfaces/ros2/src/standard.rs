@@ -1,4 +1,4 @@
-//! Definitions of the standard messages that fss makes, as ROS 2 has them.
+//! Definitions of the standard messages that fss makes or takes, as ROS 2 has them.
 
 const HEADER: (&str, &str) = ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n");
 const TIME: (&str, &str) = ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n");
@@ -52,6 +52,10 @@ pub const POSE_STAMPED: Definition = Definition {
         TIME,
     ],
 };
+
+/// A pose in the plane.
+pub const POSE_2D: Definition =
+    Definition { name: "geometry_msgs/msg/Pose2D", body: "float64 x\nfloat64 y\nfloat64 theta\n", parts: &[] };
 
 /// Text.
 pub const STRING: Definition = Definition { name: "std_msgs/msg/String", body: "string data\n", parts: &[] };

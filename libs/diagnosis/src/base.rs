@@ -10,14 +10,17 @@
 //!
 //! Headings in forces and rotations are the measured ones, so that the prediction is linear in forces. The noise model has the
 //! state (p_x v_x p_y v_y theta L f_x f_y tau): deviations of X, theta and L, and a coloured force and torque on the base's
-//! origin; besides white force and torque, and where there is an arm, errors of its momentum and centre of mass.
+//! origin; besides white force and torque, errors of each thruster in proportion to its thrust, and where there is an arm, errors
+//! of its momentum and centre of mass.
 
 mod arrivals;
+mod hyper;
 mod joint_motion;
 mod missing;
 mod noise_model;
 mod prediction;
 mod samples;
+mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
@@ -201,7 +204,7 @@ impl Block for BaseBlock {
     }
 
     fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
-        self.nominal.noise.discrepancies(hyper)
+        hyper::discrepancies(self.hyper_parameters(), hyper)
     }
 
     fn channel_of_row(&self) -> &[usize] {

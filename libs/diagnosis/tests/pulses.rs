@@ -24,10 +24,12 @@ struct Kind {
     lag_s: f64,
     /// Level between pulses.
     idle: f64,
+    /// Standard deviation of what a pulse delivers, as a share of what it should.
+    scatter: f64,
 }
 
-const VALVES: Kind = Kind { curve_n: [0.16, 0.0, 0.0], lag_s: 0.0, idle: 0.0 };
-const PROPELLERS: Kind = Kind { curve_n: [0.0067, 0.2625, -0.1075], lag_s: 0.03, idle: 0.03 };
+const VALVES: Kind = Kind { curve_n: [0.16, 0.0, 0.0], lag_s: 0.0, idle: 0.0, scatter: 0.0 };
+const PROPELLERS: Kind = Kind { curve_n: [0.0067, 0.2625, -0.1075], lag_s: 0.03, idle: 0.03, scatter: 0.0 };
 
 impl Kind {
     fn plant(self) -> Plant {
@@ -73,6 +75,9 @@ impl Kind {
         let mut levels = [self.idle; 2];
         let mut state = [-0.3, 0.2, 0.4, 0.04, -0.03, 0.02];
         let mut poses = Poses::default();
+        let mut scatter = ChaCha8Rng::seed_from_u64(random.random());
+        let mut delivered = || 1.0 + self.scatter * Distribution::<f64>::sample(&StandardNormal, &mut scatter);
+        let delivered: Vec<[f64; 2]> = rows.iter().map(|_| [delivered(), delivered()]).collect();
         for k in 0..30_000_u32 {
             let t_s = f64::from(k) * dt;
             if k % 50 == 0 {
@@ -82,10 +87,10 @@ impl Kind {
                 poses.values.push([state[0] + noise(p), state[1] + noise(p), state[2] + noise(a)]);
             }
             let middle_s = t_s + 0.5 * dt;
-            let commanded = &rows[rows.partition_point(|(stamp_s, _)| *stamp_s <= middle_s) - 1].1;
+            let row = rows.partition_point(|(stamp_s, _)| *stamp_s <= middle_s) - 1;
             for i in 0..2 {
                 let is_gone = i == 1 && (gone[0]..gone[1]).contains(&middle_s);
-                let goal = if is_gone { 0.0 } else { commanded[i] };
+                let goal = if is_gone { 0.0 } else { delivered[row][i] * rows[row].1[i] };
                 let share = if self.lag_s > 0.0 { 1.0 - (-dt / self.lag_s).exp() } else { 1.0 };
                 levels[i] += share * (goal - levels[i]);
             }
@@ -147,4 +152,16 @@ fn valves_that_opened_each_time_are_told_of_nothing() {
 #[test]
 fn propellers_that_turned_each_time_are_told_of_nothing() {
     PROPELLERS.assert_told_of_nothing();
+}
+
+#[test]
+fn pulses_that_differ_are_told_as_errors_of_the_thrust_and_as_nothing_else() {
+    println!("seed {SEED}");
+    let uneven = Kind { scatter: 0.2, ..VALVES };
+    let runs: Vec<Run> = (0..4).map(|k| uneven.flight(&format!("run-{k}"), None, SEED + k).0).collect();
+    let found = diagnose(&uneven.plant(), &runs[..3], &runs[3..], &|_| ()).unwrap();
+    assert!(found.causes.is_empty(), "{:?}", found.causes);
+    let (errors, others): (Vec<_>, Vec<_>) = found.discrepancy.iter().partition(|d| d.name.contains("thruster"));
+    assert!((0.1..0.4).contains(&errors[0].inferred), "{errors:?}");
+    assert!(others.iter().all(|d| d.inferred < 3.0 * d.expected), "{others:?}");
 }

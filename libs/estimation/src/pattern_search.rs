@@ -1,7 +1,8 @@
 //! Maximizing a function of a few variables that are of order one, without derivatives.
 
 /// The maximum that a pattern search reaches from `start`: each coordinate is moved by its step; what is better is kept and
-/// the step grows, what is not halves it (Hooke and Jeeves, 1961). Ends where all steps are below `tolerance`, or after
+/// the step grows, what is not shortens it; and after each round all that it moved is tried once more as one (Hooke and Jeeves,
+/// 1961). Ends where all steps are below `tolerance`, or after
 /// `evaluations`. Returns the place and the value there.
 pub fn maximize(
     start: &[f64],
@@ -14,6 +15,7 @@ pub fn maximize(
     let mut best = value(&at);
     let mut used = 1;
     while used < evaluations && steps.iter().any(|s| s.abs() >= tolerance) {
+        let before = at.clone();
         for i in 0..at.len() {
             if steps[i].abs() < tolerance {
                 continue;
@@ -34,6 +36,14 @@ pub fn maximize(
             }
             if !moved {
                 steps[i] *= 0.4;
+            }
+        }
+        if at != before {
+            let further: Vec<f64> = at.iter().zip(&before).map(|(now, before)| 2.0 * now - before).collect();
+            let found = value(&further);
+            used += 1;
+            if found > best {
+                (best, at) = (found, further);
             }
         }
     }

@@ -30,7 +30,7 @@
 //! Eliminating the two translations replaces `d_i` by `e_i = d_i - s_i / m`: the momentum principle as algebra.
 //!
 //! With the number of bodies known to the compiler, the forward dynamics of a base and four links take about 140 ns, an
-//! RK4 step 0.65 us (`examples/time_dynamics.rs` measures it on your machine).
+//! RK4 step 0.65 us (`fss bench dynamics` measures it on your machine).
 //!
 //! # Where things are
 //!
@@ -41,10 +41,7 @@
 //! - momentum and the coupling of arm and base: [`Model::momentum`], [`Model::base_twist`],
 //!   [`Model::generalized_jacobian`], [`Model::reaction_vector`];
 //! - joint rates for a motion: [`Model::zero_reaction_jacobian`], [`damped_pseudoinverse`], [`Manipulability`];
-//! - [`integrate`]: fixed-step methods of stated order, one of which keeps momentum to rounding;
-//! - derivatives: [`Model::forward_dynamics_derivatives`] by state and force, [`Model::forward_dynamics_by_parameter`] by
-//!   every [`Parameter`], [`step_with_derivatives`] for a whole step and, carried along, for a whole motion;
-//! - identification: [`Model::inverse_dynamics_regressor`], [`Model::momentum_regressor`], [`Model::inertial_vector`].
+//! - [`integrate`]: fixed-step methods of stated order, one of which keeps momentum to rounding.
 //!
 //! # Example
 //!
@@ -78,7 +75,6 @@
 #![allow(clippy::inline_always)]
 
 mod chain;
-mod derivatives;
 mod dynamics;
 pub mod integrate;
 mod kernel;
@@ -86,21 +82,16 @@ mod kinematics;
 mod model;
 mod momentum;
 mod parameters;
-mod regressor;
 mod resolve;
-mod sensitivity;
 mod state;
 mod trig;
 
-pub use derivatives::{ForwardDerivatives, InverseDerivatives};
 pub use dynamics::{Hybrid, Prescribed};
 pub use kinematics::Kinematics;
 pub use model::{Base, Body, Link, Model, ModelError};
 pub use momentum::Momentum;
 pub use parameters::Parameter;
-pub use regressor::{Inertial, InertialVector, MomentumRegressor, Regressor};
 pub use resolve::{Manipulability, damped_pseudoinverse, damping_near_singularity, singular_values};
-pub use sensitivity::{Cause, ForceGradient, ForceLaw, Sensitivity, step_with_derivatives};
 pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State, wrapped};
 
 /// Most links that a [`Model`] can have.

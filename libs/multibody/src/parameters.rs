@@ -1,4 +1,4 @@
-//! The mechanism's numbers by name: for calibration, sensitivities and what-if.
+//! The mechanism's numbers by name: for calibration and what-if.
 
 use nalgebra::{Vector2, Vector3};
 

@@ -38,6 +38,26 @@ impl Reference {
         self.qd_rad_s = *rates;
     }
 
+    /// Leads each joint to its goal, which may be another at each step: as fast as its rate limit and its braking allow.
+    pub(crate) fn approach(&mut self, config: &ArmConfig, goal_rad: &JointVector, dt_s: f64) {
+        let (braking, step_s, mut rates) = (config.braking_rad_s2, dt_s.max(1e-6), JointVector::zeros());
+        for i in 0..config.model.link_count() {
+            let reach = Self::reach(config, i);
+            let apart = goal_rad[i].clamp(-reach, reach) - self.q_rad[i];
+            // The rate from which steps of `dt_s` bring the joint to rest at the goal; in the last one, onto it.
+            let stopping = braking * ((0.25 * dt_s * dt_s + 2.0 * apart.abs() / braking).sqrt() - 0.5 * dt_s);
+            let wanted = stopping.min(apart.abs() / step_s).copysign(apart);
+            let change = braking * dt_s;
+            let rate = wanted.clamp(self.qd_rad_s[i] - change, self.qd_rad_s[i] + change);
+            let fastest = config.max_rate_rad_s[i];
+            // No reference goes beyond the reach, whatever it came with.
+            let low = ((-reach - self.q_rad[i]) / step_s).clamp(-fastest, 0.0);
+            let high = ((reach - self.q_rad[i]) / step_s).clamp(0.0, fastest);
+            rates[i] = rate.clamp(low, high);
+        }
+        self.advance(&rates, dt_s);
+    }
+
     /// Slows all joints down evenly, so that they keep their ratios (a zero-reaction maneuver stays one), then stands.
     pub(crate) fn brake(&mut self, config: &ArmConfig, dt_s: f64) {
         let fastest = self.qd_rad_s.amax();

@@ -9,7 +9,7 @@ use core::fmt;
 use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::parameter::Tuning;
 use fss_messages::{ArmCommand, Event, LinksState, MissionState, MocapPose, NavState, Parameters, topic};
-use fss_multibody::MAX_LINKS;
+use fss_multibody::{JointVector, MAX_LINKS};
 
 /// A line begins within this time of its phase or not at all, ns.
 const LATEST_START_NS: u64 = 1_000_000_000;
@@ -193,7 +193,7 @@ impl ArmService {
         match self.task {
             Task::Off => false,
             Task::Hold => seen.links.is_none(),
-            Task::Joints(_) | Task::Sines(_) => !all_driven || seen.mission.is_none(),
+            Task::Joints(_) | Task::Sines(_) | Task::Follow => !all_driven || seen.mission.is_none(),
             Task::LineToBegin(_) | Task::Line(_) => !all_driven || seen.mission.is_none() || seen.here.is_none(),
         }
     }
@@ -231,6 +231,10 @@ impl ArmService {
                 }
                 self.command.progress = sines.advance(&mut self.reference, seen.dt_s);
                 self.task = Task::Sines(sines);
+            }
+            (Task::Follow, _) => {
+                let goal_rad = seen.mission.map_or(self.reference.q_rad, |m| JointVector::from(m.q_goal_rad));
+                self.reference.approach(&self.config, &goal_rad, seen.dt_s);
             }
             (Task::Line(line), Some(here)) => self.follow(line, here, seen, events),
             _ => self.reference.brake(&self.config, seen.dt_s),

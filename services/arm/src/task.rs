@@ -19,6 +19,8 @@ pub(crate) enum Task {
     Hold,
     /// Joints move to given angles.
     Joints(JointMove),
+    /// Joints go to where the mission wants them now.
+    Follow,
     /// Joints move in sines.
     Sines(Sines),
     /// A line that has not yet begun.
@@ -36,6 +38,7 @@ impl Task {
                 let to = JointVector::from_column_slice(&mission.q_goal_rad);
                 Self::Joints(JointMove::new(config, reference, to, mission.arm_duration_s - late_s))
             }
+            MissionState::ARM_FOLLOW => Self::Follow,
             MissionState::ARM_SINES => Self::Sines(Sines::of(mission, config, reference, late_s)),
             MissionState::ARM_LINE
             | MissionState::ARM_LINE_POSE

@@ -1,6 +1,7 @@
-//! What is taken of another vehicle, and what is refused: form, layout, session, number, age, in this order.
+//! What is taken of another vehicle or of a node, and what is refused: form, layout, session, number, age, in this order.
 
 use crate::clock::PeerClock;
+use fss_bus::launch::NODES;
 use fss_messages::PeerState;
 use fss_wire::bridge::Envelope;
 use std::time::Duration;
@@ -13,12 +14,34 @@ const SESSION_SILENCE_NS: u64 = 2_000_000_000;
 pub enum Refusal {
     /// Envelope or sample cannot be read.
     Form,
-    /// Another build's layout.
+    /// Another build's layout, or another type of message.
     Layout,
+    /// On a topic that the launch file does not name.
+    Topic,
+    /// Sooner after the one before than the launch file allows.
+    Rate,
+    /// Beyond the launch file's bounds.
+    Bounds,
     /// Doubled, overtaken on the way, or from a bridge that has been replaced.
     Sequence,
     /// Too old when it came; its age, ns.
     Age(u64),
+}
+
+impl Refusal {
+    /// Where it is counted.
+    pub(crate) fn count(self, counts: &mut PeerState) {
+        let count = match self {
+            Self::Form => &mut counts.refused_form,
+            Self::Layout => &mut counts.refused_layout,
+            Self::Topic => &mut counts.refused_topic,
+            Self::Rate => &mut counts.refused_rate,
+            Self::Bounds => &mut counts.refused_bounds,
+            Self::Sequence => &mut counts.refused_sequence,
+            Self::Age(_) => &mut counts.refused_age,
+        };
+        *count += 1;
+    }
 }
 
 /// What came of a topic, as far as the gates look at it.
@@ -56,6 +79,8 @@ pub struct Peer {
     clock: PeerClock,
     session: u64,
     max_age_ns: u64,
+    /// Whether sessions have no order: another one is believed only after the known one was silent.
+    takes_turns: bool,
     /// What is counted; its stamp is when the last sample was taken.
     counts: PeerState,
 }
@@ -65,6 +90,11 @@ impl Peer {
     pub fn new(vehicle: &str, max_age: Duration) -> Self {
         let counts = PeerState { vehicle: fss_messages::text(vehicle), ..PeerState::default() };
         Self { max_age_ns: max_age.as_nanos() as u64, counts, ..Self::default() }
+    }
+
+    /// Nodes of ROS 2, of which one at a time is heard.
+    pub(crate) fn of_nodes(max_age: Duration) -> Self {
+        Self { takes_turns: true, ..Self::new(NODES, max_age) }
     }
 
     /// Takes a sample or refuses it, and counts it.
@@ -78,10 +108,7 @@ impl Peer {
                 self.counts.received += 1;
                 self.counts.stamp_ns = arrival.received_ns;
             }
-            Err(Refusal::Form) => self.counts.refused_form += 1,
-            Err(Refusal::Layout) => self.counts.refused_layout += 1,
-            Err(Refusal::Sequence) => self.counts.refused_sequence += 1,
-            Err(Refusal::Age(_)) => self.counts.refused_age += 1,
+            Err(refusal) => refusal.count(&mut self.counts),
         }
         outcome
     }
@@ -116,7 +143,7 @@ impl Peer {
     /// A bridge that started anew counts anew, and its host may have started anew with it: its clock is another.
     fn begin_session(&mut self, session: u64, now_ns: u64) -> Result<(), Refusal> {
         let is_silent = now_ns.saturating_sub(self.counts.stamp_ns) > SESSION_SILENCE_NS;
-        if session < self.session && !is_silent {
+        if (self.takes_turns || session < self.session) && !is_silent {
             return Err(Refusal::Sequence);
         }
         (self.session, self.clock) = (session, PeerClock::default());

@@ -7,7 +7,8 @@
 //! `/target/nav/state`, times on the other host's clock and all; `/target/peer` ([`PeerState`](fss_messages::PeerState)) says what brings them to the clock of
 //! this host, and how the vehicle is heard.
 //!
-//! The launch file's `[ros2]` says what nodes of ROS 2 see of this stack ([`ros2`]).
+//! The launch file's `[ros2]` says what nodes of ROS 2 see of this stack ([`ros2`]), and which of their messages are goals here
+//! ([`inward`]): they pass the same gates and bounds, and are published on `/mission/goal`.
 //!
 //! No service of this stack obeys what is published in another vehicle's name. The bridge never runs in real time, its
 //! queues are bounded and lose their oldest, and no other process waits for it: a vehicle flies on when it is gone.
@@ -15,15 +16,19 @@
 pub mod clock;
 pub mod device;
 pub mod gate;
+pub mod inward;
 mod ports;
 pub mod ros2;
 
-pub use ports::{HEARD_QUEUE, Heard, Inputs, MAX_SAMPLE, Outputs, Parcel, ROS2_QUEUE, SAID_QUEUE, Said};
+pub use ports::{
+    CALLED_QUEUE, Called, HEARD_QUEUE, Heard, Inputs, MAX_SAMPLE, Outputs, Parcel, ROS2_QUEUE, SAID_QUEUE, Said,
+};
 
 use fss_bus::launch::ForeignTopic;
 use fss_bus::{Neighbours, Queue, Service, Time};
-use fss_messages::Event;
+use fss_messages::{Event, PeerState};
 use gate::{Arrival, Gate, Peer, Refusal};
+use inward::Inward;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -56,6 +61,7 @@ pub struct Bridge {
     /// Samples of each shared topic so far.
     numbers: Vec<u64>,
     silent_ns: u64,
+    inward: Option<Inward>,
     line: Line,
     words: Queue<Event>,
 }
@@ -94,8 +100,28 @@ impl Bridge {
             topics: neighbours.received().map(incoming).collect(),
             numbers: vec![0; neighbours.shared.len()],
             silent_ns: patience.silent_after.as_nanos() as u64,
+            inward: None,
             line,
             words,
+        }
+    }
+
+    /// The same with goals of nodes of ROS 2.
+    pub fn with_nodes(self, inward: Inward) -> Self {
+        Self { inward: Some(inward), ..self }
+    }
+
+    /// Lets through the goals of nodes that may pass, and says what is known of nodes.
+    fn take_goals(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
+        let (Some(inward), Some((goals, state))) = (&mut self.inward, &mut outputs.nodes) else { return };
+        for called in inputs.called.messages() {
+            if let Some(goal) = inward.take(now, called, |event| outputs.events.publish(event)) {
+                goals.publish(goal);
+            }
+        }
+        if let Some(counts) = inward.tell(now) {
+            let (sent, lost) = (self.line.sent.load(Ordering::Relaxed), self.line.lost.load(Ordering::Relaxed));
+            state.publish(PeerState { sent, lost, ..counts });
         }
     }
 
@@ -213,6 +239,7 @@ impl Service for Bridge {
 
     fn step(&mut self, now: Time, inputs: &Inputs, outputs: &mut Outputs) {
         self.take(now, inputs, outputs);
+        self.take_goals(now, inputs, outputs);
         self.give(inputs, outputs);
         self.tell(now, outputs);
     }

@@ -3,10 +3,13 @@
 use clap::Parser;
 use crossbeam::queue::ArrayQueue;
 use fss_bridge::device::{Device, Network};
-use fss_bridge::{Bridge, HEARD_QUEUE, Line, Patience, ROS2_QUEUE, SAID_QUEUE, ros2};
+use fss_bridge::inward::Inward;
+use fss_bridge::{Bridge, CALLED_QUEUE, HEARD_QUEUE, Line, Patience, ROS2_QUEUE, SAID_QUEUE, ros2};
 use fss_bus::Service;
 use fss_bus::launch::Ros2;
+use fss_messages::MAX_LINKS;
 use fss_plant::Plant;
+use fss_plant::urdf::ArmFrames;
 use fss_service::{PLANT_FILE, Process, SiteArgs, explain_errors};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::sync::Arc;
@@ -34,7 +37,7 @@ fn main() -> Result<()> {
         max_age: endpoints.max_age(),
         silent_after: endpoints.silent_after(),
     });
-    let bridge = Bridge::new(neighbours, patience, line.clone(), words.clone());
+    let mut bridge = Bridge::new(neighbours, patience, line.clone(), words.clone());
     let network = |endpoints| -> Result<Device> {
         let (vehicle, receive) = (site.launch.vehicle.clone(), neighbours.received().cloned().collect());
         let (said, heard) = (site.queue(SAID_QUEUE)?, site.queue(HEARD_QUEUE)?);
@@ -42,16 +45,24 @@ fn main() -> Result<()> {
         Device::start(Network { vehicle, session, endpoints, receive, said, heard, words, line }).into_diagnostic()
     };
     let _network = endpoints.map(network).transpose()?;
-    let nodes = |ros2: Ros2| -> Result<ros2::Device> {
+    let nodes = |ros2: Ros2| -> Result<(Inward, ros2::Device)> {
         let plant = Plant::parse(&site.read(PLANT_FILE)?).map_err(|e| miette!("{PLANT_FILE}: {e}"))?;
+        let inward = Inward::new(&ros2.receive, ArmFrames::of(&plant, MAX_LINKS).joints);
         let vehicle = site.launch.vehicle.clone();
-        let said = site.queue(ROS2_QUEUE)?;
+        let queues =
+            ros2::Queues { said: site.queue(ROS2_QUEUE)?, called: site.queue(CALLED_QUEUE)?, words: words.clone() };
         let others = site.bus.program_topics();
-        let nodes = ros2::Nodes::new((vehicle, ros2), &plant, others, said, words.clone(), line.clone())
+        let nodes = ros2::Nodes::new((vehicle, ros2), &plant, others, queues, line.clone())
             .map_err(|e| miette!("[ros2] share: {e}"))?;
-        ros2::Device::start(nodes).into_diagnostic()
+        Ok((inward, ros2::Device::start(nodes).into_diagnostic()?))
     };
-    let _nodes = site.launch.ros2.clone().map(nodes).transpose()?;
+    let _nodes = match site.launch.ros2.clone().map(nodes).transpose()? {
+        Some((inward, device)) => {
+            bridge = bridge.with_nodes(inward);
+            Some(device)
+        }
+        None => None,
+    };
     site.fly(bridge, || ())?;
     Ok(())
 }

@@ -1,11 +1,12 @@
 //! Topics whose samples the bridge knows by the launch file only.
 
+use fss_bus::launch::{ForeignTopic, NODES};
 use fss_bus::{
     Batch, Bus, BusError, DeviceOutput, Feed, InputPort, InputPorts, Output, OutputPort, OutputPorts, RawBatch, Step,
     Time,
 };
 use fss_messages::topic::{self, Topic, TopicVisitor};
-use fss_messages::{Event, PeerState, Sample};
+use fss_messages::{Event, MissionGoal, PeerState, Sample};
 
 /// Device queue of what came from the network.
 pub const HEARD_QUEUE: &str = "bridge.heard";
@@ -13,6 +14,8 @@ pub const HEARD_QUEUE: &str = "bridge.heard";
 pub const SAID_QUEUE: &str = "bridge.said";
 /// Device queue of what goes to nodes of ROS 2.
 pub const ROS2_QUEUE: &str = "bridge.ros2";
+/// Device queue of what came from nodes of ROS 2.
+pub const CALLED_QUEUE: &str = "bridge.called";
 /// Room for the longest sample, bytes.
 pub const MAX_SAMPLE: usize = 2048;
 
@@ -37,6 +40,11 @@ impl Parcel {
         Self { topic, len: sample.len(), bytes }
     }
 
+    /// The sample; none where it did not fit.
+    pub fn whole(&self) -> Option<&[u8]> {
+        self.bytes.get(..self.len)
+    }
+
     /// The sample, or what fits of something longer.
     pub fn sample(&self) -> &[u8] {
         &self.bytes[..self.len.min(MAX_SAMPLE)]
@@ -50,6 +58,22 @@ pub struct Heard {
     pub parcel: Parcel,
     /// What came with it, as it came.
     pub envelope: Option<fss_wire::bridge::Envelope>,
+    /// When it came, ns, monotonic clock.
+    pub received_ns: u64,
+}
+
+/// A message that came from a node of ROS 2.
+#[derive(Clone, Copy)]
+pub struct Called {
+    /// The topic, as it stands in the launch file's `[[ros2.receive]]`; none where it does not, and the parcel holds its name.
+    pub topic: Option<usize>,
+    /// Whether it is of the type that the launch file says.
+    pub is_type: bool,
+    /// The message.
+    pub parcel: Parcel,
+    /// What came with it: its number, its publisher as the session, when it was sent by the calendar; none where that could
+    /// not be read.
+    pub attachment: Option<fss_wire::bridge::Envelope>,
     /// When it came, ns, monotonic clock.
     pub received_ns: u64,
 }
@@ -71,6 +95,8 @@ pub struct Inputs {
     pub(crate) ros2: Vec<Box<dyn SharedTopic>>,
     /// What came from other vehicles.
     pub(crate) heard: Feed<Heard>,
+    /// What came from nodes of ROS 2.
+    pub(crate) called: Feed<Called>,
 }
 
 /// A topic of this stack, whatever its sample.
@@ -190,11 +216,12 @@ impl InputPorts for Inputs {
         };
         let neighbours = bus.neighbours();
         let (shared, ros2) = (open(&neighbours.shared)?, open(&neighbours.ros2)?);
-        Ok(Self { shared, ros2, heard: Feed::open(bus, HEARD_QUEUE)? })
+        Ok(Self { shared, ros2, heard: Feed::open(bus, HEARD_QUEUE)?, called: Feed::open(bus, CALLED_QUEUE)? })
     }
 
     fn refresh(&mut self) {
         self.heard.refresh();
+        self.called.refresh();
         for topic in self.shared.iter_mut().chain(&mut self.ros2) {
             topic.refresh();
         }
@@ -207,7 +234,7 @@ impl InputPorts for Inputs {
         }
     }
 
-    /// What comes from other vehicles is in the log as it was passed on; there is nothing to compute again.
+    /// What comes from others is in the log as it was passed on; there is nothing to compute again.
     fn record(&self, _step: &mut Step) -> bool {
         false
     }
@@ -219,6 +246,8 @@ pub struct Outputs {
     pub(crate) heard: Vec<(usize, Box<dyn HeardTopic>)>,
     /// In the order in which the vehicles occur there.
     pub(crate) peers: Vec<Output<PeerState>>,
+    /// What nodes want, and what is known of them, where the launch file has `[ros2]`.
+    pub(crate) nodes: Option<(Output<MissionGoal>, Output<PeerState>)>,
     pub(crate) said: DeviceOutput<Said>,
     pub(crate) ros2: DeviceOutput<Said>,
     pub(crate) events: Output<Event>,
@@ -236,8 +265,13 @@ impl OutputPorts for Outputs {
             heard.extend(opener.port.transpose()?.map(|port| (peer, port)));
         }
         let peer_port = |vehicle: &&str| Output::open(&bus.of_vehicle(vehicle), topic::PEER);
+        let of_nodes = |foreign: &&ForeignTopic| foreign.vehicle == NODES;
+        let nodes = bus.neighbours().heard.iter().find(of_nodes).map(|nodes| {
+            Ok::<_, BusError>((Output::open(bus, topic::MISSION_GOAL)?, peer_port(&nodes.vehicle.as_str())?))
+        });
         Ok(Self {
             heard,
+            nodes: nodes.transpose()?,
             peers: vehicles.iter().map(peer_port).collect::<Result<_, _>>()?,
             said: DeviceOutput::open(bus, SAID_QUEUE)?,
             ros2: DeviceOutput::open(bus, ROS2_QUEUE)?,
@@ -247,6 +281,7 @@ impl OutputPorts for Outputs {
 
     fn flush(&mut self, now: Time) -> u64 {
         let peers: u64 = self.peers.iter_mut().map(|peer| peer.flush(now)).sum();
-        peers + self.said.flush(now) + self.ros2.flush(now) + self.events.flush(now)
+        let nodes = self.nodes.as_mut().map_or(0, |(goal, state)| goal.flush(now) + state.flush(now));
+        peers + nodes + self.said.flush(now) + self.ros2.flush(now) + self.events.flush(now)
     }
 }

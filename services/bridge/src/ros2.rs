@@ -1,25 +1,29 @@
 //! Nodes of ROS 2: a zenoh session that looks to them as a node named `fss`, and the thread that owns it.
 //!
 //! A sample travels with four bytes in front, as `rmw_zenoh` has it: it is the message's CDR. Standard messages are made here
-//! from navigation, links, mission and health; their stamps are calendar time. Nothing is received.
+//! from navigation, links, mission and health; their stamps are calendar time. Goals of nodes are handed to the service, which
+//! judges them; a message of such a type on any other topic is handed over by its topic's name, to be counted.
 
-use crate::{Line, MAX_SAMPLE, Said};
-use fss_bus::launch::Ros2;
+use crate::{Called, Line, MAX_SAMPLE, Parcel, Said};
+use fss_bus::launch::{Ros2, Ros2Type};
 use fss_bus::{DeviceThread, Queue, RawTopic, realtime};
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{CDR_HEADER, Definition, Event, Health, LinksState, MAX_LINKS, MissionState, NavState, Sample};
 use fss_plant::Plant;
 use fss_plant::urdf::{ARM_HEIGHT_M, ArmFrames, BASE};
-use fss_ros2::rmw_zenoh::{Node, Publisher, attachment, source_id};
+use fss_ros2::rmw_zenoh::{Attachment, Endpoint, Node, dds_type, source_id};
 use fss_ros2::robot::{Robot, diagnostics, tf_message};
-use fss_ros2::standard::{self, DIAGNOSTICS, JOINT_STATE, ODOMETRY, TF_MESSAGE};
+use fss_ros2::standard::{self, DIAGNOSTICS, JOINT_STATE, ODOMETRY, POSE_2D, POSE_STAMPED, TF_MESSAGE};
 use fss_ros2::type_hash::rihs01;
+use fss_wire::bridge::Envelope;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
+use zenoh::sample::{Locality, Sample as ZenohSample};
 use zerocopy::FromBytes;
 
 /// How long the thread rests when there is nothing to send.
@@ -37,9 +41,27 @@ pub struct Nodes {
     robot: Robot,
     /// The message and its RIHS01, of each topic that is shared.
     types: Vec<(String, String)>,
-    said: Queue<Said>,
-    words: Queue<Event>,
+    queues: Queues,
     line: Line,
+}
+
+/// The queues between the thread and the service.
+pub struct Queues {
+    /// What nodes shall see.
+    pub said: Queue<Said>,
+    /// What came from nodes.
+    pub called: Queue<Called>,
+    /// What is to be told in events.
+    pub words: Queue<Event>,
+}
+
+/// The definition of a message that is a goal.
+fn definition_of(kind: Ros2Type) -> &'static standard::Definition {
+    match kind {
+        Ros2Type::PoseStamped => &POSE_STAMPED,
+        Ros2Type::Pose2d => &POSE_2D,
+        Ros2Type::JointState => &JOINT_STATE,
+    }
 }
 
 /// The thread; it ends when this is dropped.
@@ -71,6 +93,7 @@ struct Open {
     shared: Vec<Speaker>,
     standard: Vec<Speaker>,
     _tokens: Vec<zenoh::liveliness::LivelinessToken>,
+    _subscribers: Vec<Subscriber<()>>,
     session: zenoh::Session,
 }
 
@@ -83,14 +106,13 @@ impl Nodes {
         (vehicle, launch): (String, Ros2),
         plant: &Plant,
         others: &[RawTopic],
-        said: Queue<Said>,
-        words: Queue<Event>,
+        queues: Queues,
         line: Line,
     ) -> Result<Self, String> {
         let prefix = if vehicle.is_empty() { String::new() } else { format!("{vehicle}/") };
         let robot = robot(plant, prefix);
         let types = launch.share.iter().map(|topic| type_of(topic.get_ref(), others)).collect::<Result<_, _>>()?;
-        Ok(Self { vehicle, launch, robot, types, said, words, line })
+        Ok(Self { vehicle, launch, robot, types, queues, line })
     }
 
     fn run(&self, stop: &AtomicBool) {
@@ -107,7 +129,7 @@ impl Nodes {
                     if !std::mem::replace(&mut told, true) {
                         let now_ns = realtime::now().map_or(0, fss_bus::Time::ns);
                         let words = format_args!("no ROS 2 yet: {why}");
-                        self.words.force_push(Event::new(now_ns, "bridge", Event::WARNING, words));
+                        self.queues.words.force_push(Event::new(now_ns, "bridge", Event::WARNING, words));
                     }
                     std::thread::sleep(RETRY);
                 }
@@ -121,7 +143,7 @@ impl Nodes {
         let mut tokens = vec![session.liveliness().declare_token(node.token()).wait()?];
         let front = if self.vehicle.is_empty() { String::new() } else { format!("/{}", self.vehicle) };
         let mut speaker = |topic: &str, schema: &str, hash: String, id: u32| -> zenoh::Result<Speaker> {
-            let publisher = Publisher { topic: format!("{front}{topic}"), schema: schema.to_owned(), hash, id };
+            let publisher = Endpoint { topic: format!("{front}{topic}"), schema: schema.to_owned(), hash, id };
             let token = node.publisher_token(&publisher);
             let source = source_id(&token);
             let key = node.key(&publisher);
@@ -137,7 +159,62 @@ impl Nodes {
         for ((topic, definition), id) in STANDARD.into_iter().zip(1000..).filter(|_| self.launch.standard) {
             standard.push(speaker(topic, definition.name, definition.hash(), id)?);
         }
-        Ok(Open { shared, standard, _tokens: tokens, session })
+        let subscribers = self.subscribe(&session, &node, &mut tokens)?;
+        Ok(Open { shared, standard, _tokens: tokens, _subscribers: subscribers, session })
+    }
+
+    /// Hears the topics that the launch file names, whatever comes on them, and messages that could be goals on all others.
+    fn subscribe(
+        &self,
+        session: &zenoh::Session,
+        node: &Node,
+        tokens: &mut Vec<zenoh::liveliness::LivelinessToken>,
+    ) -> zenoh::Result<Vec<Subscriber<()>>> {
+        let (domain, mut subscribers) = (self.launch.domain, Vec::new());
+        let names: Vec<String> = self.launch.receive.iter().map(|receive| receive.topic.get_ref().clone()).collect();
+        for (topic, (receive, id)) in self.launch.receive.iter().zip(2000..).enumerate() {
+            let definition = definition_of(receive.kind);
+            let (schema, hash) = (definition.name.to_owned(), definition.hash());
+            let subscription = Endpoint { topic: receive.topic.get_ref().clone(), schema, hash, id };
+            tokens.push(session.liveliness().declare_token(node.subscription_token(&subscription)).wait()?);
+            let key = node.key(&subscription);
+            subscribers.push(self.hear(session, format!("{domain}{}/*/*", subscription.topic), move |sample| {
+                Some((Some(topic), sample.key_expr().as_str() == key, payload(topic, sample)))
+            })?);
+        }
+        for definition in [&POSE_STAMPED, &POSE_2D, &JOINT_STATE] {
+            let (kind, names) = (dds_type(definition.name), names.clone());
+            subscribers.push(self.hear(session, format!("{domain}/**/{kind}/*"), move |sample| {
+                let (_, rest) = sample.key_expr().as_str().split_once('/')?;
+                let name = format!("/{}", rest.rsplitn(3, '/').nth(2)?);
+                (!names.contains(&name)).then(|| (None, false, Parcel::new(0, name.as_bytes())))
+            })?);
+        }
+        Ok(subscribers)
+    }
+
+    /// Hands over what `look` makes of each message of other sessions: topic, whether it is of its type, parcel.
+    fn hear(
+        &self,
+        session: &zenoh::Session,
+        key: String,
+        look: impl Fn(&ZenohSample) -> Option<(Option<usize>, bool, Parcel)> + Send + Sync + 'static,
+    ) -> zenoh::Result<Subscriber<()>> {
+        let (called, lost) = (self.queues.called.clone(), self.line.lost.clone());
+        let hear = move |sample: ZenohSample| {
+            let (Some((topic, is_type, parcel)), Ok(now)) = (look(&sample), realtime::now()) else { return };
+            // What is only counted leaves room for what may be a goal.
+            if topic.is_none() && called.len() > called.capacity() / 2 {
+                lost.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+            let attached = sample.attachment().and_then(|bytes| Attachment::decode(&bytes.to_bytes()));
+            let attachment = attached.map(envelope);
+            if called.force_push(Called { topic, is_type, parcel, attachment, received_ns: now.ns() }).is_some() {
+                lost.fetch_add(1, Ordering::Relaxed);
+            }
+        };
+        session.declare_subscriber(key).allowed_origin(Locality::Remote).callback(hear).wait()
     }
 
     /// Sends what is said until it is told to stop.
@@ -145,7 +222,7 @@ impl Nodes {
         let names = self.launch.topics();
         let mut message = Vec::new();
         while !stop.load(Ordering::Relaxed) {
-            let Some(said) = self.said.pop() else {
+            let Some(said) = self.queues.said.pop() else {
                 std::thread::sleep(REST);
                 continue;
             };
@@ -204,9 +281,26 @@ impl Speaker {
     fn say(&mut self, message: &[u8]) -> bool {
         self.number += 1;
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let attached = attachment(self.number, since.as_nanos() as i64, &self.source);
+        let time_ns = since.as_nanos() as i64;
+        let attached = Attachment { number: self.number, time_ns, source: self.source }.encode();
         self.publisher.put(message).attachment(attached.as_slice()).wait().is_ok()
     }
+}
+
+/// The message that came; where it is longer than any goal, its length alone.
+fn payload(topic: usize, sample: &ZenohSample) -> Parcel {
+    let bytes = sample.payload();
+    if bytes.len() > MAX_SAMPLE {
+        return Parcel { len: bytes.len(), ..Parcel::new(topic, &[]) };
+    }
+    Parcel::new(topic, &bytes.to_bytes())
+}
+
+/// What came with a message as the gates want it: the publisher is the session, and numbers count from 1.
+fn envelope(attached: Attachment) -> Envelope {
+    let (id, _) = attached.source.split_first_chunk().unwrap_or((&[0; 8], &[]));
+    let (number, sent_ns) = (attached.number as u64 + 1, attached.time_ns as u64);
+    Envelope { layout: 0, session: u64::from_le_bytes(*id), number, sent_ns }
 }
 
 /// A time of this host's monotonic clock as calendar time, ns since 1970.

@@ -20,7 +20,7 @@ pub(crate) fn set_base_goal(s: &mut MissionState, phase: &Phase, here: [f64; 3])
             s.base_mode = MissionState::BASE_FREE;
             s.base_goal = here;
         }
-        BaseGoal::Hold => {
+        BaseGoal::Hold | BaseGoal::Follow => {
             s.base_duration_s = 0.0;
             s.base_goal = if was_controlled { s.base_goal } else { here };
         }
@@ -118,7 +118,8 @@ fn set_sines(s: &mut MissionState, sines: &[Sine]) {
     }
 }
 
-pub(crate) fn set_arm_goal(s: &mut MissionState, phase: &Phase) {
+/// `q_rad` is where the joints are.
+pub(crate) fn set_arm_goal(s: &mut MissionState, phase: &Phase, q_rad: [f64; MAX_LINKS]) {
     s.arm_duration_s = phase.duration_s;
     if let Some(closed) = phase.gripper_closed {
         s.gripper = u8::from(closed);
@@ -127,6 +128,10 @@ pub(crate) fn set_arm_goal(s: &mut MissionState, phase: &Phase) {
         ArmGoal::Off => MissionState::ARM_OFF,
         ArmGoal::Hold => MissionState::ARM_HOLD,
         ArmGoal::Capture => MissionState::ARM_CAPTURE,
+        ArmGoal::Follow => {
+            s.q_goal_rad = q_rad;
+            MissionState::ARM_FOLLOW
+        }
         ArmGoal::Joints(q_rad) => {
             for (goal, q) in s.q_goal_rad.iter_mut().zip(q_rad) {
                 *goal = *q;

@@ -12,6 +12,7 @@
 mod config;
 mod error;
 mod file;
+mod follow;
 mod goals;
 mod program;
 mod service;

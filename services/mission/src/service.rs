@@ -1,13 +1,14 @@
 //! Flies a mission: phase after phase, or the safe end.
 
+use crate::follow::{Outcome, follow};
 use crate::goals::{Meeting, carried, nearest_turn, open_valves, set_arm_goal, set_base_goal};
 use crate::sight::Sight;
 use crate::trouble::Trouble;
 use crate::{ArmGoal, BaseGoal, Condition, Mission, MissionConfig, Phase};
-use fss_bus::{Latest, Output, Service, Time, inputs, outputs};
+use fss_bus::{Batch, Latest, Output, Service, Time, inputs, outputs};
 use fss_messages::{
-    ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionCommand, MissionState, MocapPose, NavState,
-    PeerState, topic,
+    ArmCommand, Event, LinksState, MAX_LINKS, MAX_THRUSTERS, MissionCommand, MissionGoal, MissionState, MocapPose,
+    NavState, PeerState, topic,
 };
 use fss_multibody::State;
 
@@ -28,6 +29,8 @@ inputs! {
         target_nav: Latest<NavState> = topic::NAV_STATE.of_target(),
         /// What brings these times to this host's clock.
         target_peer: Latest<PeerState> = topic::PEER.of_target(),
+        /// Where a controller outside the stack wants base and arm.
+        goals: Batch<MissionGoal> = topic::MISSION_GOAL,
     }
 }
 
@@ -115,6 +118,7 @@ impl MissionService {
         } else {
             self.since = None;
         }
+        self.follow(now, inputs, events);
         self.watch_condition(now, inputs, events);
         while self.sample.state == MissionState::RUNNING && now >= self.phase_end {
             self.go_on(inputs, events);
@@ -123,6 +127,27 @@ impl MissionService {
             && let Some(Phase { base: BaseGoal::Valves(pulses), .. }) = self.mission.phase(self.sample.phase as usize)
         {
             self.sample.valves = open_valves(pulses, now.age_ns(self.sample.phase_start_ns));
+        }
+    }
+
+    /// Takes goals from outside, in a phase that follows them and unless they are old.
+    fn follow(&mut self, now: Time, inputs: &Inputs, events: &mut Output<Event>) {
+        let Some(phase) = self.mission.phase(self.sample.phase as usize) else { return };
+        let theta_rad = inputs.nav.get().map_or(self.sample.base_goal[2], |nav| nav.theta_rad);
+        for goal in inputs.goals.samples().iter().filter(|goal| now.age_ns(goal.stamp_ns) <= self.config.max_age_ns) {
+            let [x, y, theta] = goal.base_goal;
+            let place = format_args!("x {x:.3} m, y {y:.3} m, {:.1} deg", theta.to_degrees());
+            match follow(&mut self.sample, phase, goal, theta_rad, self.config.edges_m) {
+                Outcome::Same => {}
+                Outcome::New => events.publish(event(now, Event::INFO, format_args!("follows a goal: {place}"))),
+                Outcome::OffTable => {
+                    events.publish(event(
+                        now,
+                        Event::WARNING,
+                        format_args!("a goal beyond the table is refused: {place}"),
+                    ));
+                }
+            }
         }
     }
 
@@ -235,7 +260,7 @@ impl MissionService {
         s.phase = index as u32;
         s.phase_start_ns = start.ns();
         set_base_goal(s, phase, here);
-        set_arm_goal(s, phase);
+        set_arm_goal(s, phase, inputs.links.get().map_or(s.q_goal_rad, |links| links.q_rad));
         match phase.base {
             BaseGoal::Meet { standoff_m } => self.meet(standoff_m, start, here, inputs),
             BaseGoal::Carry { pose } => {

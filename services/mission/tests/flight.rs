@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, Runner, Time};
-use fss_messages::{ArmCommand, LinksState, MissionState, NavState, topic};
+use fss_messages::{ArmCommand, LinksState, MAX_LINKS, MissionGoal, MissionState, NavState, topic};
 use fss_mission::{Mission, MissionConfig, MissionService};
 
 const PERIOD_NS: u64 = 50_000_000;
@@ -13,6 +13,7 @@ struct Flight {
     nav: Output<NavState>,
     links: Output<LinksState>,
     arm: Output<ArmCommand>,
+    goals: Output<MissionGoal>,
     state: Latest<MissionState>,
     now: Time,
     sample: (Option<NavState>, Option<LinksState>, Option<ArmCommand>),
@@ -30,6 +31,7 @@ impl Flight {
             nav: Output::open(&bus, topic::NAV_STATE).unwrap(),
             links: Output::open(&bus, topic::LINKS_STATE).unwrap(),
             arm: Output::open(&bus, topic::ARM_COMMAND).unwrap(),
+            goals: Output::open(&bus, topic::MISSION_GOAL).unwrap(),
             state: Latest::open(&bus, topic::MISSION_STATE).unwrap(),
             now: Time::from_ns(1_000_000_000),
             sample: (Some(nav), Some(links), Some(ArmCommand { link_count: 4, ..ArmCommand::default() })),
@@ -231,4 +233,62 @@ fn a_condition_that_does_not_come_leads_to_the_way_out_and_ends_aborted() {
     assert_eq!(state.base_mode, MissionState::BASE_HOLD);
     let state = flight.fly(2.2);
     assert_eq!((state.state, state.base_mode), (MissionState::ABORTED, MissionState::BASE_FREE));
+}
+
+const FOLLOWING: &str = r#"
+[[phase]]
+duration_s = 10
+base = { goal = "follow" }
+arm = { goal = "follow" }
+[[phase]]
+duration_s = 10
+base = { goal = "hold" }
+arm = { goal = "hold" }
+"#;
+
+impl Flight {
+    /// A controller outside wants this, `age_ns` ago.
+    fn wants(&mut self, base_goal: [f64; 3], q_rad: &[f64], age_ns: u64) {
+        let mut q_goal_rad = [f64::NAN; MAX_LINKS];
+        q_goal_rad[..q_rad.len()].copy_from_slice(q_rad);
+        let stamp_ns = self.now.ns() - age_ns;
+        self.goals.publish(MissionGoal { stamp_ns, base_goal, q_goal_rad, ..MissionGoal::default() });
+        self.goals.flush(self.now);
+    }
+}
+
+#[test]
+fn a_phase_that_follows_stays_where_it_is_until_it_is_told_and_goes_where_it_is_told() {
+    let mut flight = Flight::of(FOLLOWING);
+    flight.sample.1.as_mut().unwrap().q_rad[..4].copy_from_slice(&[0.1, 0.2, 0.3, 0.4]);
+    let state = flight.fly(2.0);
+    assert_eq!((state.base_mode, state.arm_mode), (MissionState::BASE_HOLD, MissionState::ARM_FOLLOW));
+    assert_eq!((state.base_goal, &state.q_goal_rad[..4]), ([0.5, -0.25, 0.1], [0.1, 0.2, 0.3, 0.4].as_slice()));
+    // Two goals between two steps count both, and what one says nothing of stays.
+    flight.wants([0.2, 0.2, 0.3], &[], 0);
+    flight.wants([f64::NAN; 3], &[f64::NAN, 0.5], 0);
+    let state = flight.fly(0.1);
+    assert_eq!(
+        (&state.base_goal[..2], &state.q_goal_rad[..4]),
+        ([0.2, 0.2].as_slice(), [0.1, 0.5, 0.3, 0.4].as_slice())
+    );
+    assert!((state.base_goal[2] - 0.3).abs() < 1e-9);
+    // Turned by nearly a whole turn is a short way back.
+    flight.wants([0.2, 0.1, 6.2], &[], 0);
+    assert!(flight.fly(0.1).base_goal[2].abs() < 0.1);
+}
+
+#[test]
+fn goals_that_are_old_or_that_no_phase_follows_change_nothing() {
+    let mut flight = Flight::of(FOLLOWING);
+    flight.wants([0.2, 0.1, 0.3], &[0.5], 0);
+    let state = flight.fly(2.0);
+    assert_eq!((state.base_goal, state.q_goal_rad[0]), ([0.5, -0.25, 0.1], 0.0), "it came before the mission began");
+    flight.wants([0.2, 0.1, 0.3], &[0.5], 600_000_000);
+    assert_eq!(flight.fly(0.1).base_goal, [0.5, -0.25, 0.1]);
+    let state = flight.fly(11.0);
+    assert_eq!((state.phase, state.arm_mode), (1, MissionState::ARM_HOLD));
+    flight.wants([0.2, 0.1, 0.3], &[0.5], 0);
+    let state = flight.fly(0.1);
+    assert_eq!((state.base_goal, state.q_goal_rad[0]), ([0.5, -0.25, 0.1], 0.0));
 }

@@ -80,7 +80,7 @@ pub(crate) fn published_by(service: &str) -> Vec<String> {
     match service {
         "lab" => own(&[topic::TRUTH_STATE.name]),
         GROUND => own(&[topic::PARAMETERS_COMMAND.name, topic::MISSION_COMMAND.name]),
-        BRIDGE => own(&[topic::PEER.name]),
+        BRIDGE => own(&[topic::PEER.name, topic::MISSION_GOAL.name]),
         _ => {
             let outputs = Services::linked().get(service).map(|entry| entry.description().outputs);
             let topics = outputs.into_iter().flatten().map(|port| port.topic);

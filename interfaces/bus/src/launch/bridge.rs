@@ -1,5 +1,6 @@
 //! The launch file's `[bridge]`: what this vehicle has to do with others over the network.
 
+use super::ros2::NODES;
 use super::{Launch, LaunchError, Ros2};
 use crate::Neighbours;
 use fss_messages::topic;
@@ -39,7 +40,7 @@ pub struct Bridge {
     pub silent_ms: u64,
 }
 
-const fn default_max_age_ms() -> u64 {
+pub(super) const fn default_max_age_ms() -> u64 {
     300
 }
 
@@ -105,20 +106,20 @@ fn own_topic(name: &str) -> Option<&'static str> {
 impl Launch {
     /// What the stack has to do with other vehicles.
     pub fn neighbours(&self) -> Neighbours {
-        let Some(bridge) = &self.bridge else {
-            return Neighbours { target: self.target_vehicle.clone(), ros2: self.for_ros2(), ..Neighbours::default() };
-        };
-        let mut heard: Vec<ForeignTopic> = bridge.receive.iter().map(|topic| topic.get_ref().clone()).collect();
+        let received = || self.bridge.iter().flat_map(|bridge| &bridge.receive).map(Spanned::get_ref);
+        let shared = self.bridge.iter().flat_map(|bridge| &bridge.share);
+        let mut heard: Vec<ForeignTopic> = received().cloned().collect();
         // With what comes of a vehicle goes what the bridge says of it.
-        for topic in bridge.receive.iter().map(Spanned::get_ref) {
-            let peer = ForeignTopic { vehicle: topic.vehicle.clone(), topic: topic::PEER.name };
+        let nodes = self.ros2.as_ref().map(|_| NODES.to_owned());
+        for vehicle in received().map(|topic| topic.vehicle.clone()).chain(nodes) {
+            let peer = ForeignTopic { vehicle, topic: topic::PEER.name };
             if !heard.contains(&peer) {
                 heard.push(peer);
             }
         }
         Neighbours {
             target: self.target_vehicle.clone(),
-            shared: bridge.share.iter().map(|topic| topic.get_ref().clone()).collect(),
+            shared: shared.map(|topic| topic.get_ref().clone()).collect(),
             ros2: self.for_ros2(),
             heard,
         }

@@ -41,6 +41,8 @@ samples! {
             ARM_SINES = 7;
             /// end-effector to the target's handle, base kept from turning by the arm alone
             ARM_CAPTURE = 8;
+            /// lead the joints to q_goal_rad, which may change at any time
+            ARM_FOLLOW = 9;
         }
         /// when the phase began, ns, monotonic clock
         phase_start_ns: u64,

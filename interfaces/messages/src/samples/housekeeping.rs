@@ -86,7 +86,7 @@ samples! {
 
     /// What the bridge of this host hears of another vehicle.
     PeerState {
-        /// the other vehicle, UTF-8, filled with zeros
+        /// the other vehicle, or `ros2` for its nodes, UTF-8, filled with zeros
         vehicle: [u8; 16],
         /// what brings that vehicle's times to this host's clock when it is added, ns; late by the shortest way of a sample
         clock_offset_ns: i64,
@@ -98,10 +98,16 @@ samples! {
         refused_age: u64,
         /// refused: doubled, or overtaken on the way
         refused_sequence: u64,
-        /// refused: another build's layout
+        /// refused: another build's layout, another type of message
         refused_layout: u64,
         /// refused: not readable at all
         refused_form: u64,
+        /// refused: more samples a second than the launch file allows
+        refused_rate: u64,
+        /// refused: beyond the launch file's bounds
+        refused_bounds: u64,
+        /// refused: on a topic that the launch file does not name
+        refused_topic: u64,
         /// lost on this host because a queue was full
         lost: u64,
         /// samples that this host's bridge has handed to the network, for whoever listens

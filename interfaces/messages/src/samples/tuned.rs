@@ -1,5 +1,6 @@
 //! What a researcher may tune in flight, and what the ground may command.
 
+use crate::MAX_LINKS;
 use crate::define::samples;
 use crate::parameter::Parameter;
 
@@ -30,6 +31,14 @@ macro_rules! parameters {
                 command: u8,
                 /// zero
                 reserved0: [u8; 7],
+            }
+
+            /// Where a controller outside the stack wants base and arm; not a number where it says nothing.
+            MissionGoal {
+                /// pose of the base: x m, y m, theta rad in the table frame
+                base_goal: [f64; 3],
+                /// encoder angles of the joints, rad
+                q_goal_rad: [f64; MAX_LINKS],
             }
         }
 

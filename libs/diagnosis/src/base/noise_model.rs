@@ -1,10 +1,12 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
 use super::arrivals::Arrivals;
+use super::hyper::{Hyper, hyper_parameters};
 use super::joint_motion::JointMotion;
 use super::prediction::{Predictor, joints_only};
 use super::samples::Samples;
-use crate::block::{HyperParameter, Strength};
+use super::thrust_errors::ThrustErrors;
+use crate::block::HyperParameter;
 use crate::servo_response::{arrival_time, datagrams};
 use fss_estimation::processes::SingerStep;
 use fss_estimation::{Columns, Step, Whitener};
@@ -14,6 +16,8 @@ use fss_plant::{Physics, Plant};
 
 /// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
 const BODY: usize = 9;
+/// Of these, the first of the forces.
+const FORCES: usize = 6;
 /// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
 const ARM: usize = 3;
 /// And of an arm that datagrams command: how late they arrive, and how far it is displaced.
@@ -22,8 +26,6 @@ const ARRIVAL: usize = 2;
 const START: [f64; 3] = [1e2, 1.0, 10.0];
 /// Interval of telemetry that is assumed where none came (s).
 const SLOW_TELEMETRY_S: f64 = 0.2;
-/// Correlation times of a disturbance that make sense: shorter is white, longer is steady (s).
-const CORRELATION_S: [f64; 2] = [0.1, 10.0];
 
 pub(super) struct NoiseModel {
     pub(super) hyper_parameters: Vec<HyperParameter>,
@@ -36,6 +38,7 @@ pub(super) struct NoiseModel {
     /// its angular momentum (kg m^2/s) and to its centre of mass (m).
     arm: Option<(f64, Vec<[f64; 2]>)>,
     arrivals: Option<Arrivals>,
+    thrust: ThrustErrors,
     gyro_walk: f64,
 }
 
@@ -74,6 +77,7 @@ impl NoiseModel {
         let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
         let arrivals =
             datagrams(plant, run).and_then(|c| Arrivals::new(plant, arrival_time(c), predictor, beside, &times));
+        let thrust = ThrustErrors::new(plant, predictor, (&path, &carriage), &times)?;
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
             hyper_parameters: hyper_parameters(plant, carriage.inertia_kg_m2[0]),
@@ -82,36 +86,21 @@ impl NoiseModel {
             rows,
             arm,
             arrivals,
+            thrust,
             gyro_walk: walk * walk,
         })
     }
 
     fn states(&self) -> usize {
-        self.first_arrival() + if self.arrivals.is_some() { ARRIVAL } else { 0 } + usize::from(self.gyro_walk > 0.0)
+        self.first_thruster() + self.thrust.states() + usize::from(self.gyro_walk > 0.0)
+    }
+
+    fn first_thruster(&self) -> usize {
+        self.first_arrival() + if self.arrivals.is_some() { ARRIVAL } else { 0 }
     }
 
     fn first_arrival(&self) -> usize {
         BODY + if self.arm.is_some() { ARM } else { 0 }
-    }
-
-    /// Root of the spectral density at low frequency of force and torque, coloured and white together, and the expected one.
-    pub(super) fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {
-        let expected: Vec<f64> = self.hyper_parameters.iter().map(|h| h.median).collect();
-        let density =
-            |h: &Hyper, strength: f64, white: f64| (2.0 * strength.powi(2) * h.correlation + white.powi(2)).sqrt();
-        let both = |pick: fn(&Hyper) -> (f64, f64)| {
-            let of = |values: &[f64]| {
-                let h = Hyper::of(values);
-                let (strength, white) = pick(&h);
-                density(&h, strength, white)
-            };
-            (of(hyper), of(&expected))
-        };
-        let (force, torque) = (both(|h| (h.force, h.white_force)), both(|h| (h.torque, h.white_torque)));
-        vec![
-            ("force on the base (N s^0.5)".to_owned(), force.0, force.1),
-            ("torque on the base (N m s^0.5)".to_owned(), torque.0, torque.1),
-        ]
     }
 
     /// Whitens columns with the model at these values of the hyper-parameters; the logarithm of the determinant.
@@ -173,6 +162,7 @@ impl NoiseModel {
             let stationary = arrivals.stationary();
             (0..2).for_each(|i| (0..2).for_each(|j| initial[(u + i) * n + u + j] = stationary[i][j]));
         }
+        (self.first_thruster()..self.first_thruster() + self.thrust.states()).for_each(|i| initial[i * n + i] = 1.0);
         initial
     }
 
@@ -196,23 +186,15 @@ impl NoiseModel {
         (step.transition[1], step.transition[2 * n + 3]) = (dt, dt);
         step.transition[4 * n + 5] = dt / inertia;
         let singer = SingerStep::new(dt, h.correlation);
-        // Force along x and y at the base's origin, torque: what each does to the two translations and to the heading.
-        let ways = [(6, [1.0, 0.0, cy], h.force), (7, [0.0, 1.0, -cx], h.force), (8, [0.0, 0.0, 1.0], h.torque)];
-        for (state, [fx, fy, torque], sd) in ways {
-            let onto = [
-                (0, [fx / mass, 0.0, 0.0]),
-                (1, [0.0, fx / mass, 0.0]),
-                (2, [fy / mass, 0.0, 0.0]),
-                (3, [0.0, fy / mass, 0.0]),
-                (4, [torque / inertia, 0.0, 0.0]),
-                (5, [0.0, torque, 0.0]),
-                (state, [0.0, 0.0, 1.0]),
-            ];
-            for (row, [p, v, _]) in &onto[..6] {
-                step.transition[row * n + state] += p * singer.position + v * singer.velocity;
-            }
-            step.transition[state * n + state] = singer.decay;
-            add_noise(&mut step.noise, n, &onto, &singer.noise, sd * sd);
+        // Force along x and y at the base's origin, torque; then the errors of each thruster, of unit variance.
+        let (force, torque) = (h.force.powi(2), h.torque.powi(2));
+        let ways = [([1.0, 0.0, cy], force), ([0.0, 1.0, -cx], force), ([0.0, 0.0, 1.0], torque)];
+        for (i, (wrench, variance)) in ways.into_iter().enumerate() {
+            add_force(step, n, (FORCES + i, wrench, variance), &singer, (mass, inertia));
+        }
+        let singer = SingerStep::new(dt, h.thrust_correlation);
+        for (i, wrench) in self.thrust.wrenches(block, h.thrust).enumerate() {
+            add_force(step, n, (self.first_thruster() + i, wrench, 1.0), &singer, (mass, inertia));
         }
         let impulses =
             [([1.0, 0.0, cy], h.white_force), ([0.0, 1.0, -cx], h.white_force), ([0.0, 0.0, 1.0], h.white_torque)];
@@ -261,17 +243,37 @@ impl NoiseModel {
     }
 }
 
+/// Adds a force that is a state of this variance: along x and y and its moment about the centre of mass at 1, and what it does in
+/// the step to the two translations and to the heading.
+fn add_force(
+    step: &mut Dense,
+    n: usize,
+    (state, [fx, fy, torque], variance): (usize, [f64; 3], f64),
+    singer: &SingerStep,
+    (mass, inertia): (f64, f64),
+) {
+    let onto = [
+        (0, [fx / mass, 0.0, 0.0]),
+        (1, [0.0, fx / mass, 0.0]),
+        (2, [fy / mass, 0.0, 0.0]),
+        (3, [0.0, fy / mass, 0.0]),
+        (4, [torque / inertia, 0.0, 0.0]),
+        (5, [0.0, torque, 0.0]),
+        (state, [0.0, 0.0, 1.0]),
+    ];
+    for (row, [p, v, _]) in &onto[..6] {
+        step.transition[row * n + state] += p * singer.position + v * singer.velocity;
+    }
+    step.transition[state * n + state] = singer.decay;
+    add_noise(&mut step.noise, n, &onto, &singer.noise, variance);
+}
+
 /// Adds `variance B S B'`, `B` given by rows.
 fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64; 3]; 3], variance: f64) {
-    for (i, bi) in onto {
-        for (j, bj) in onto {
-            let mut sum = 0.0;
-            for k in 0..3 {
-                for l in 0..3 {
-                    sum += bi[k] * s[k][l] * bj[l];
-                }
-            }
-            noise[i * n + j] += variance * sum;
+    for (i, b) in onto.iter().filter(|(_, b)| *b != [0.0; 3]) {
+        let through: [f64; 3] = std::array::from_fn(|l| variance * (b[0] * s[0][l] + b[1] * s[1][l] + b[2] * s[2][l]));
+        for (j, b) in onto {
+            noise[i * n + j] += through[0] * b[0] + through[1] * b[1] + through[2] * b[2];
         }
     }
 }
@@ -304,69 +306,4 @@ fn arm_errors(
         [momentum.sqrt(), shift.sqrt()]
     };
     Ok((0.5 * interval_s, times.iter().map(at).collect()))
-}
-
-/// The hyper-parameters by name.
-struct Hyper {
-    force: f64,
-    torque: f64,
-    correlation: f64,
-    white_force: f64,
-    white_torque: f64,
-    noise_position: f64,
-    noise_angle: f64,
-    noise_gyro: f64,
-    arm: f64,
-}
-
-impl Hyper {
-    fn of(values: &[f64]) -> Self {
-        Self {
-            force: values[0],
-            torque: values[1],
-            correlation: values[2],
-            white_force: values[3],
-            white_torque: values[4],
-            noise_position: values[5],
-            noise_angle: values[6],
-            noise_gyro: values[7],
-            arm: values[8],
-        }
-    }
-}
-
-/// Priors. A room's stated air is believed within a factor of two or so; without a statement, nothing is known but the order of
-/// magnitude: a ten-thousandth of the vehicle's weight per unit of acceleration. Servos that give way under thrust turn the base
-/// whatever the air does: with an arm, white torque is as without a statement, over the inertia of the whole. Stated noise is
-/// right within 15 %.
-fn hyper_parameters(plant: &Plant, whole_kg_m2: f64) -> Vec<HyperParameter> {
-    let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
-    let air = plant.disturbance.as_ref();
-    let strength = |name, stated: Option<f64>, natural: f64, log_sd: [f64; 2], of| HyperParameter {
-        name,
-        median: stated.filter(|s| *s > 0.0).unwrap_or(natural),
-        log_sd: if stated.is_some_and(|s| s > 0.0) { log_sd[0] } else { log_sd[1] },
-        bounds: [1e-8 * natural, 1e6 * natural],
-        strength_of: Some(of),
-    };
-    let plain = |name, median, log_sd, bounds| HyperParameter { name, median, log_sd, bounds, strength_of: None };
-    let (force, torque) = (1e-4 * mass, 5e-4 * inertia);
-    let servos = if plant.link_count() > 0 { 5e-4 * whole_kg_m2 } else { 0.0 };
-    let white_torque = air.map(|a| servos.hypot(0.1 * a.torque_std_n_m));
-    vec![
-        strength("coloured force (N)", air.map(|a| a.force_std_n), force, [0.8, 3.0], Strength::Force),
-        strength("coloured torque (N m)", air.map(|a| a.torque_std_n_m), torque, [0.8, 3.0], Strength::Torque),
-        plain(
-            "correlation time (s)",
-            air.map_or(1.5, |a| a.correlation_s).clamp(CORRELATION_S[0], CORRELATION_S[1]),
-            if air.is_some() { 0.4 } else { 0.8 },
-            CORRELATION_S,
-        ),
-        strength("white force (N s^0.5)", air.map(|a| 0.1 * a.force_std_n), force, [2.5, 3.0], Strength::Force),
-        strength("white torque (N m s^0.5)", white_torque, torque, [2.5, 3.0], Strength::Torque),
-        plain("pose noise over stated, place", 1.0, 0.15, [0.3, 3.0]),
-        plain("pose noise over stated, heading", 1.0, 0.15, [0.3, 3.0]),
-        plain("gyro noise over stated", 1.0, 0.15, [0.3, 3.0]),
-        plain("error of the joints' path over its smoother's", 1.0, 0.7, [0.01, 100.0]),
-    ]
 }

@@ -158,6 +158,7 @@ fn base_goal(raw: &raw::Base, phase_s: f64, plant: For) -> Checked<BaseGoal> {
     Ok(match goal {
         raw::BaseGoal::Free => BaseGoal::Free,
         raw::BaseGoal::Stop => BaseGoal::Stop,
+        raw::BaseGoal::Follow => BaseGoal::Follow,
         raw::BaseGoal::Meet => target::meet(raw)?,
         raw::BaseGoal::Valves => BaseGoal::Valves(excitation::pulses(raw, phase_s, plant)?),
         _ => BaseGoal::Hold,
@@ -188,6 +189,7 @@ fn arm_goal(raw: &Spanned<raw::Arm>, plant: For) -> Checked<ArmGoal> {
         raw::ArmGoal::Off => Ok(ArmGoal::Off),
         raw::ArmGoal::Hold => Ok(ArmGoal::Hold),
         raw::ArmGoal::Capture => Ok(ArmGoal::Capture),
+        raw::ArmGoal::Follow => Ok(ArmGoal::Follow),
         raw::ArmGoal::Joints => {
             let q_deg = raw.q_deg.as_ref().ok_or_else(|| missing("q_deg"))?;
             joint_angles(q_deg, plant).map(ArmGoal::Joints)

@@ -47,6 +47,9 @@
 //! x_m, y_m, theta_deg in the table frame, and the condition `"released"` waits until nothing is held. `[initial.draw]` and `[target.draw]` are ranges from
 //! which a run's seed draws ([`Mission::drawn`]). `[limits] gas_g` bounds what the mission may use.
 //!
+//! The goal `"follow"` of base and arm takes what comes on `/mission/goal` while the phase lasts: `bridge` publishes there what
+//! nodes of ROS 2 want, as far as the launch file lets them.
+//!
 //! `[network.NAME]` and `[[fault]]` tables, as in a fault file, belong to the simulated laboratory and are not read here.
 
 mod check;
@@ -184,6 +187,8 @@ pub enum BaseGoal {
         /// Distance of the end-effector from the handle, m.
         standoff_m: f64,
     },
+    /// Stays where it is until a controller outside the stack says where it shall go, and goes there.
+    Follow,
 }
 
 /// A time in which valves are open.
@@ -239,6 +244,8 @@ pub enum ArmGoal {
     },
     /// The end-effector moves to the target's handle, and with it; the arm alone keeps the base from turning.
     Capture,
+    /// Joints stay until a controller outside the stack says where they shall go, and go there.
+    Follow,
 }
 
 impl Phase {

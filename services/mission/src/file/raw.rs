@@ -151,6 +151,7 @@ pub(super) enum BaseGoal {
     Valves,
     Stop,
     Meet,
+    Follow,
 }
 
 #[derive(Deserialize)]
@@ -185,4 +186,5 @@ pub(super) enum ArmGoal {
     Line,
     ZeroReaction,
     Capture,
+    Follow,
 }

@@ -61,7 +61,7 @@ struct Flight<'a> {
     /// Velocity of the centre of mass and rate, m/s and rad/s.
     rate: [f64; 3],
     gas_kg: f64,
-    /// Whether a goal has put it to where nothing is known in advance: beside a target.
+    /// Whether a goal has put it to where nothing is known in advance: beside a target, or where others want it.
     is_elsewhere: bool,
 }
 
@@ -98,11 +98,15 @@ impl<'a> Flight<'a> {
                 self.gas_kg += self.gas_of(impulse);
                 self.rate = [0.0; 3];
             }
-            // Where a target is, and how it is held, is known in flight only.
-            BaseGoal::Meet { .. } | BaseGoal::Carry { .. } => (self.is_elsewhere, self.rate) = (true, [0.0; 3]),
+            // Where a target is, how it is held, and what others want is known in flight only.
+            BaseGoal::Meet { .. } | BaseGoal::Carry { .. } | BaseGoal::Follow => {
+                (self.is_elsewhere, self.rate) = (true, [0.0; 3]);
+            }
         }
-        if let ArmGoal::Joints(q_rad) = &phase.arm {
-            self.q.as_mut_slice()[3..3 + q_rad.len()].copy_from_slice(q_rad);
+        match &phase.arm {
+            ArmGoal::Joints(q_rad) => self.q.as_mut_slice()[3..3 + q_rad.len()].copy_from_slice(q_rad),
+            ArmGoal::Follow => self.is_elsewhere = true,
+            _ => {}
         }
         let place = [&raw.base.x_m, &raw.base.y_m, &raw.base.theta_deg].into_iter().flatten().next();
         let place = place.map_or(raw.arm.span(), Spanned::span);
