@@ -42,7 +42,7 @@ fn in_c(place: &Path) -> Command {
             &format!("{SOURCES}/interfaces/c/include"),
         ])
         .args([&format!("{SOURCES}/apps/bench/src/ipc/echo.c"), "-o", path(&program), "-L", path(&library), "-lfss"])
-        .arg(format!("-Wl,-rpath,{}", path(&library)))
+        .arg(format!("-Wl,--disable-new-dtags,-rpath,{}", path(&library)))
         .output()
         .unwrap();
     assert!(compiler.status.success(), "{}", text(&compiler.stderr));

@@ -5,6 +5,7 @@
 //! published. The follower ([`follow`]) is the same [`Run`] as in real time. So nothing in it depends on when the two processes
 //! happen to run.
 
+use crate::realtime::this_core;
 use crate::{Batch, Bus, BusError, InputPort, Latest, Output, OutputPort, RawBatch, RawOutput, RawTopic, Run, Time};
 use fss_messages::topic::{EVENTS, STEPS, Topic};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// How long a follower may take for one step, and for its start, before it counts as one that never answers.
 pub const PATIENCE: Duration = Duration::from_secs(10);
-/// So long either side looks without a pause.
+/// So long either side looks without a pause, where the other runs on another core.
 const BUSY: Duration = Duration::from_micros(10);
 /// So long it then gives way after each look, to the other side where that waits for a core: as long as steps are short, no process
 /// is put to sleep between them.
@@ -30,16 +31,22 @@ fss_messages::define_messages! {
         turn: u64,
         /// when what the step publishes counts as published, ns
         flush_ns: u64,
+        /// the core that the leader runs on
+        core: u32,
         /// 1: only take what has come
         refresh_only: u8,
         /// zero
-        reserved0: [u8; 7],
+        reserved0: [u8; 3],
     }
 
     /// A step has ended, and what it published was sent.
     Done {
         /// number of the step; 0 when the service is ready for the first
         turn: u64,
+        /// the core that the follower runs on
+        core: u32,
+        /// zero
+        reserved0: u32,
     }
 }
 
@@ -54,17 +61,19 @@ pub fn follow(runner: &mut impl Run, bus: &Bus, stop: &AtomicBool) -> Result<(),
     let mut turns = Latest::open(bus, TURN)?;
     let mut done = Output::open(bus, DONE)?;
     let mut answer = |turn, now| {
-        done.publish(Done { turn, ..Done::default() });
+        done.publish(Done { turn, core: this_core(), ..Done::default() });
         done.flush(now);
     };
     answer(0, Time::default());
+    let mut leaders_core = None;
     let mut asked = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         turns.refresh();
         let Some(turn) = turns.fresh().copied() else {
-            pause(asked.elapsed());
+            pause(asked.elapsed(), leaders_core);
             continue;
         };
+        leaders_core = Some(turn.core);
         let flush = Time::from_ns(turn.flush_ns);
         if turn.refresh_only != 0 {
             runner.refresh();
@@ -78,9 +87,10 @@ pub fn follow(runner: &mut impl Run, bus: &Bus, stop: &AtomicBool) -> Result<(),
     Ok(())
 }
 
-fn pause(waited: Duration) {
+/// Waits a little. A side that looked without a pause on the core that the other needs would only keep it from answering.
+fn pause(waited: Duration, others_core: Option<u32>) {
     match waited {
-        _ if waited < BUSY => std::hint::spin_loop(),
+        _ if waited < BUSY && others_core != Some(this_core()) => std::hint::spin_loop(),
         _ if waited < GIVING_WAY => std::thread::yield_now(),
         _ => std::thread::sleep(NAP),
     }
@@ -142,7 +152,7 @@ impl Leader {
                 let what = if self.turn == 0 { "its start".to_owned() } else { format!("step {}", self.turn) };
                 return Err(format!("it did not answer within {} s of {what}", PATIENCE.as_secs()));
             }
-            pause(waited);
+            pause(waited, self.done.get().map(|done| done.core));
         }
     }
 
@@ -166,7 +176,7 @@ impl Leader {
         relay(&mut self.inputs)?;
         self.turn += 1;
         let flush = Time::from_ns(turn.flush_ns);
-        self.turns.publish(Turn { turn: self.turn, ..turn });
+        self.turns.publish(Turn { turn: self.turn, core: this_core(), ..turn });
         if self.turns.flush(flush) > 0 {
             return Err("shared memory does not take the word to step".to_owned());
         }

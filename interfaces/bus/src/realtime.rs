@@ -65,6 +65,13 @@ pub fn sleep_until(wake: Time) {
     unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &raw const t, std::ptr::null_mut()) };
 }
 
+/// The core that the calling thread runs on; `u32::MAX` where the system does not tell.
+#[allow(unsafe_code)]
+pub(crate) fn this_core() -> u32 {
+    // SAFETY: the call takes nothing and writes nothing.
+    u32::try_from(unsafe { libc::sched_getcpu() }).unwrap_or(u32::MAX)
+}
+
 /// Pins the calling thread to a core.
 ///
 /// # Errors
