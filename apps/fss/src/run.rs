@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// Fly a mission.
 #[derive(Args)]
 pub struct RunArgs {
-    /// A mission that comes with fss (hold, slew, reach, zero-reaction, detumble, capture, service, calibrate, experiment-*) or a
+    /// A mission that comes with fss (hold, follow, slew, reach, zero-reaction, detumble, capture, service, calibrate, experiment-*) or a
     /// mission file.
     #[arg(default_value = "zero-reaction")]
     mission: String,

@@ -30,6 +30,8 @@ use zerocopy::FromBytes;
 const REST: Duration = Duration::from_millis(2);
 /// After this a network that could not be opened is tried again.
 const RETRY: Duration = Duration::from_secs(1);
+/// The longest message that is put together, bytes: where this is the nodes' router, images and point clouds pass it.
+const MAX_MESSAGE: u32 = 1 << 26;
 /// The topics of standard messages, and their definitions.
 const STANDARD: [(&str, &standard::Definition); 4] =
     [("/tf", &TF_MESSAGE), ("/joint_states", &JOINT_STATE), ("/odom", &ODOMETRY), ("/diagnostics", &DIAGNOSTICS)];
@@ -355,6 +357,7 @@ fn config(launch: &Ros2) -> String {
                 retry: {{ period_init_ms: 200, period_max_ms: 1000, period_increase_factor: 2 }},
             }},
             scouting: {{ multicast: {{ enabled: false }}, gossip: {{ enabled: true }} }},
+            transport: {{ link: {{ rx: {{ max_message_size: {MAX_MESSAGE} }} }} }},
         }}"#,
         listen = list(&listen),
         connect = list(&launch.connect),
