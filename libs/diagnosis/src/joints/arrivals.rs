@@ -10,9 +10,8 @@
 //! ```
 
 use super::mechanics::Mechanics;
-use super::noise::Slopes;
 use super::path::Reference;
-use super::rows::{Kind, Row, moments};
+use super::rows::{Kind, Row, Slopes, moments};
 use crate::servo_response::ARRIVAL_SD_S;
 use fss_experiments::commands::Commands;
 use fss_multibody::Coordinates;

@@ -1,9 +1,8 @@
 //! What the rows would have read along the measured path, and how they depend on the motion beside it.
 
 use super::mechanics::{ArmState, Mechanics, direction};
-use super::noise::Slopes;
 use super::path::MeasuredPath;
-use super::rows::{Kind, Row, moments};
+use super::rows::{Kind, Row, Slopes, moments};
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use fss_plant::Plant;
 use nalgebra::{Matrix3, SMatrix};

@@ -38,6 +38,26 @@ pub(super) struct Row {
     pub(super) stamps_s: Vec<f64>,
 }
 
+/// What a row depends on, linearized about the path.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Slopes {
+    /// By the states of the motion: index 3 joint + (angle, rate, acceleration).
+    pub(super) motion: Vec<(usize, f64)>,
+    /// Of a rate's row: by the time by which rates lag, in standard deviations.
+    pub(super) rate_lag: f64,
+    /// Of an angle's or a rate's row of a swinging arm: by the sine and the cosine of the encoder's error once a turn.
+    pub(super) eccentricity: [f64; 2],
+    /// By the torque in the row's joint: N m of the torque scale in units of the row.
+    pub(super) torque: f64,
+    /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.
+    pub(super) unit_friction_variance: f64,
+    /// And thrust of which it is not known whether it had begun, or a datagram whether it had arrived.
+    pub(super) timing_variance: f64,
+    /// Of an end-effector's row: shares of x, y and angle in it that make its noise independent of the rows before it, and
+    /// the standard deviation of what is left.
+    pub(super) mix: Option<([f64; 3], f64)>,
+}
+
 /// Longest time over which telemetry of arms in servo drives is averaged, s: commands come no faster, and drives are slower.
 const SERVO_BIN_S: f64 = 0.04;
 /// The same of arms that swing as their torques have them, s: a hundredth of a turn of a fast pendulum.
