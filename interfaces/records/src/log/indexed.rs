@@ -1,7 +1,7 @@
 //! The samples of topics from the chunks that a log's summary names, unpacked on all cores.
 
 use super::scan::{Damage, LONGEST_RECORD, Unpacker};
-use super::select::{Layout, Selection, overlap};
+use super::selection::{Layout, Selection, overlap};
 use mcap::Summary;
 use mcap::records::{ChunkIndex, op};
 use std::collections::HashMap;

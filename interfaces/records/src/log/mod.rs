@@ -11,6 +11,7 @@ mod reader;
 mod recover;
 mod scan;
 mod select;
+mod selection;
 mod table;
 mod writer;
 
@@ -18,7 +19,7 @@ pub use contents::{Contents, Topic};
 pub use reader::{Collect, Gap, LOG_FILE, Log, Samples, TopicInfo};
 pub use recover::Recovered;
 pub use scan::Damage;
-pub use select::{Layout, Selection};
+pub use selection::{Layout, Selection};
 pub use table::definition_of;
 pub use writer::{LogWriter, Recorded, Storage};
 
