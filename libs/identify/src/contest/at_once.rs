@@ -5,7 +5,7 @@
 //! once, however far it wants to. Where that leads to the noise, the fewest causes are looked for that leave no more.
 
 use super::Contest;
-use super::settle::Descent;
+use super::settle::{Descent, Start};
 use crate::hypothesis::Hypothesis;
 use crate::uncertain::as_cause;
 use fss_multibody::ModelError;
@@ -27,15 +27,6 @@ const WORTH_TRYING: f64 = 0.25;
 const MOST_INSTEAD: usize = 3;
 /// Weight of what holds a parameter where it is nothing, over what the data weigh.
 const PINNED: f64 = 1e9;
-
-/// Causes, and where a descent beside them begins.
-#[derive(Clone)]
-pub(crate) struct Start {
-    pub(crate) hypotheses: Vec<usize>,
-    pub(crate) effects: Vec<Effect>,
-    /// How far from their file uncertain values are, standard deviations.
-    pub(super) off_file: Vec<f64>,
-}
 
 impl Contest {
     /// The fewest causes that leave as little as everything together; where that is one, others that might stand in its place

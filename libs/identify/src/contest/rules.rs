@@ -1,7 +1,6 @@
 //! What may be told: rules against names that fit and are not there.
 
 use super::screen::likeness;
-use super::weigh::LATENCY_BESIDE_COMMANDS_S;
 use super::{Contest, Refined};
 use crate::tolerance::unsaid;
 use fss_plant::{Effect, Place};
@@ -23,6 +22,10 @@ const LEAST_COMPLIANCE_RAD_N_M: f64 = 9e-4;
 const LEAST_PLAY_RAD: f64 = 6.5e-4;
 /// Nor a kinematic error of fewer periods a turn than this: over what a joint sweeps it is an offset and a scale of its encoder.
 const FEWEST_CYCLES: f64 = 0.8;
+/// Where a log tells what links were told, their fast motion follows that, and a latency of telemetry moves the slow one alone. When
+/// commands arrive (2 to 8 ms over the radio) and how servos follow them then counts many times: they are taken as exact.
+/// What is timed against the arm hangs on that too.
+pub(super) const LATENCY_BESIDE_COMMANDS_S: f64 = 1.5e-3;
 /// Nor, where a log tells what links were told, telemetry that is later by less than twice what latencies come out wrong by there.
 const LEAST_LATENCY_BESIDE_COMMANDS_S: f64 = 2.0 * LATENCY_BESIDE_COMMANDS_S;
 /// And the share of what is still unexplained.

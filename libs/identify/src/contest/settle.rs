@@ -4,7 +4,6 @@
 //! hundred times less than that makes in seconds. So the plant moves to where its uncertain values fit best, and is linearized
 //! anew there; how far it has come from its file still costs what it did.
 
-use super::at_once::Start;
 use super::refine::Point;
 use super::{Contest, Order, Refined};
 use crate::evidence::Cell;
@@ -50,6 +49,15 @@ impl<'a> Descent<'a> {
     fn beside(hypotheses: &'a [usize]) -> Self {
         Self { hypotheses, loose: &[], farthest: FARTHEST }
     }
+}
+
+/// Causes, and where a descent beside them begins.
+#[derive(Clone)]
+pub(crate) struct Start {
+    pub(crate) hypotheses: Vec<usize>,
+    pub(crate) effects: Vec<Effect>,
+    /// How far from their file uncertain values are, standard deviations.
+    pub(super) off_file: Vec<f64>,
 }
 
 impl Contest {

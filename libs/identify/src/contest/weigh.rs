@@ -1,6 +1,6 @@
 //! How sure the data are of what was taken: standard deviations, probabilities among rivals, and what left-out runs keep.
 
-use super::rules::unit;
+use super::rules::{LATENCY_BESIDE_COMMANDS_S, unit};
 use super::select::{Alternative, Taken};
 use super::{Contest, Refined};
 use crate::normal::Normal;
@@ -24,10 +24,6 @@ const OFF_BY: f64 = 1.3;
 const STROKE_SHARE: f64 = 0.2;
 /// How a link swings hangs on its servo too, whose gains are taken as exact. Stiffness is known to this share at best.
 const SWING_SHARE: f64 = 0.03;
-/// Where a log tells what links were told, their fast motion follows that, and a latency of telemetry moves the slow one alone. When
-/// commands arrive (2 to 8 ms over the radio) and how servos follow them then counts many times: they are taken as exact.
-/// What is timed against the arm hangs on that too.
-pub(super) const LATENCY_BESIDE_COMMANDS_S: f64 = 1.5e-3;
 
 impl Contest {
     /// Each taken cause with its standard deviations, its rivals and its probability among them.
