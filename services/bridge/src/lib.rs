@@ -4,7 +4,7 @@
 //! sample travels as it lies in shared memory, under the zenoh key `fss/VEHICLE/TOPIC`, with an envelope beside it
 //! ([`fss_wire::bridge`]). What comes passes gates ([`gate`]): another build's layout, what is doubled or was overtaken, and what
 //! is too old are refused and counted. What passes is published here with the same bytes in the other vehicle's name,
-//! `/target/nav/state`, times on the other host's clock and all; `/target/peer` ([`PeerState`](fss_messages::PeerState)) says what brings them to the clock of
+//! `/target/nav/state`, times on the other host's clock and all; `/target/peer` ([`PeerState`]) says what brings them to the clock of
 //! this host, and how the vehicle is heard.
 //!
 //! The launch file's `[ros2]` says what nodes of ROS 2 see of this stack ([`ros2`]), and which of their messages are goals here
