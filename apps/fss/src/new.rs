@@ -120,12 +120,17 @@ pub fn run(command: &NewCommand) -> Result<()> {
     check_name(&args.name, &launch)?;
     let source = args.source.clone().unwrap_or_else(|| PathBuf::from(SOURCE));
     let source = source.canonicalize().ok().filter(|folder| folder.join("interfaces/service/Cargo.toml").exists());
-    let source = source.ok_or_else(|| {
-        miette!(
-            help = "name their folder with --source DIR",
-            "the sources of fss, on which a service builds, are not there"
-        )
-    })?;
+    let source = match source {
+        Some(folder) => folder,
+        // The wheel has what a service in Python needs.
+        None if args.language.python && args.source.is_none() => PathBuf::from(SOURCE),
+        None => {
+            return Err(miette!(
+                help = "name their folder with --source DIR",
+                "the sources of fss, on which a service builds, are not there"
+            ));
+        }
+    };
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from(&args.name));
     if folder.exists() {
         return Err(miette!(help = "name another with --out", "{} exists", folder.display()));

@@ -42,7 +42,7 @@ pub fn run(args: &TopArgs) -> Result<()> {
         (None, None) => only_stack()?,
     };
     let vehicle = args.vehicle.clone().or_else(|| vehicle_of(&prefix)).unwrap_or_default();
-    let guests = folder_of(&prefix).map_or_else(|| Ok(Vec::new()), |folder| topics_of(&read_programs(&folder)?))?;
+    let guests = guests(&prefix)?;
     let bus = Bus::shared(&SharedConfig { node: "top".to_owned(), prefix }).into_diagnostic()?.for_vehicle(&vehicle);
     let bus = bus.with_program_topics(guests);
     let mut view = View::open(&bus)?;
@@ -130,6 +130,14 @@ pub fn folder_of(prefix: &str) -> Option<PathBuf> {
         let after = |name: &str| words.iter().position(|word| word == name).and_then(|i| words.get(i + 1));
         (after("--bus").is_some_and(|bus| bus == prefix)).then(|| after("--run").map(PathBuf::from))?
     })
+}
+
+/// Topics of the stack's services from elsewhere.
+///
+/// # Errors
+/// Where the run's folder does not say what they are.
+pub fn guests(prefix: &str) -> Result<Vec<RawTopic>> {
+    folder_of(prefix).map_or_else(|| Ok(Vec::new()), |folder| topics_of(&read_programs(&folder)?))
 }
 
 /// A topic of a service from elsewhere: its newest sample, by its own definition.

@@ -20,9 +20,9 @@ class Subscription:
     def __init__(self, topic: str, bus: str, vehicle: str, buffer: int) -> None:
         # It tells no types.
         iox: Any = importlib.import_module("iceoryx2")
-        known = {name: (type_name, size, fields) for name, type_name, size, fields in _fss.live_topics()}
+        known = {name: (type_name, size, fields) for name, type_name, size, fields in _fss.live_topics(bus)}
         if topic not in known:
-            raise KeyError(f"fss has no topic '{topic}'; it has {', '.join(known)}")
+            raise KeyError(f"the stack has no topic '{topic}'; it has {', '.join(known)}")
         type_name, self._size, self._fields = known[topic]
         self.topic = topic
         payload = type(

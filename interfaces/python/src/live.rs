@@ -14,17 +14,21 @@ struct Topics(Vec<LiveTopic>);
 
 impl TopicVisitor for Topics {
     fn visit<T: Sample>(&mut self, topic: Topic<T>, _: &'static str) {
-        let definition = Definition::of::<T>();
-        self.0.push((topic.name.to_owned(), definition.type_name(), definition.size, fields(&definition.fields)));
+        self.0.push(described(topic.name, &Definition::of::<T>()));
     }
 }
 
-/// Every topic that this build knows.
+fn described(name: &str, definition: &Definition) -> LiveTopic {
+    (name.to_owned(), definition.type_name(), definition.size, fields(&definition.fields))
+}
+
+/// Every topic of a running stack: those that this build knows, and those of the stack's own services.
 #[pyfunction]
-pub(crate) fn live_topics() -> Vec<LiveTopic> {
+pub(crate) fn live_topics(py: Python<'_>, bus: &str) -> PyResult<Vec<LiveTopic>> {
     let mut topics = Topics(Vec::new());
     topic::visit(&mut topics);
-    topics.0
+    let guests = py.detach(|| top::guests(bus)).map_err(|report| from_report(&report))?;
+    Ok(topics.0.into_iter().chain(guests.iter().map(|topic| described(&topic.name, &topic.definition))).collect())
 }
 
 /// Prefix of the one stack that runs on this computer.
