@@ -116,6 +116,8 @@ fn a_program_with_a_loop_of_its_own_takes_and_publishes_and_is_told_why_it_canno
 
         let said = refuses(&mut make(place.path()), "no/prefix");
         assert!(said.contains("no/prefix"), "{language}: {said}");
+        let said = refuses(&mut make(place.path()), &prefix);
+        assert!(said.contains("no stack runs") && said.contains(&prefix), "{language}: {said}");
         // Another has the topic with another layout.
         let bus = join(&prefix);
         let other = Output::<BaseCommand>::open(&bus, Topic::new("/ping")).unwrap();

@@ -43,5 +43,5 @@ pub use port_sets::{InputPorts, OutputPorts};
 pub use raw::{RawBatch, RawOutput, RawTopic};
 pub use raw_service::{RawInput, RawPorts, RawRunner, RawService};
 pub use runner::{Run, Runner, Service};
-pub use shared::{SharedConfig, remove_dead_nodes, remove_stale_stacks};
+pub use shared::{SharedConfig, remove_dead_nodes, remove_stale_stacks, stack_runs};
 pub use time::Time;

@@ -258,7 +258,7 @@ pub fn remove_stale_stacks() -> Result<usize, BusError> {
     let mut removed = 0;
     for prefix in prefixes {
         remove_dead_nodes(&prefix, false)?;
-        if !has_living_node(&prefix)? {
+        if !stack_runs(&prefix)? {
             remove_files(&prefix).map_err(|e| cannot_clean(&e))?;
             removed += 1;
         }
@@ -274,7 +274,11 @@ fn prefix_of(name: &str) -> Option<(&str, &str)> {
     is_number.then(|| (&name[..word.len() + process.len() + 2], process))
 }
 
-fn has_living_node(prefix: &str) -> Result<bool, BusError> {
+/// Whether any process of a stack lives.
+///
+/// # Errors
+/// Where the list of nodes cannot be read.
+pub fn stack_runs(prefix: &str) -> Result<bool, BusError> {
     let mut any = false;
     let config = iox_config(prefix).map_err(|e| cannot_clean(&e))?;
     Node::<ipc::Service>::list(&config, |state| {

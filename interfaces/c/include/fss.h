@@ -84,7 +84,8 @@ int fss_publish(fss_ports *ports, size_t output, const void *sample);
 /* A program with a loop of its own, which no launcher starts, watches or replays: a display, a test, a bridge to something else. It
  * joins a stack that runs, by the stack's prefix in shared memory: "fss_N_" where N is the process number of `fss run`, or what --bus of
  * a service says. `vehicle` is the vehicle's name, NULL or "" where it has none. Of the service count its name, inputs, outputs and
- * `every`. Returns NULL where it cannot; fss_error says why, until the thread's next fss_open. The ports belong to one thread. */
+ * `every`. Returns NULL where it cannot, or no such stack runs; fss_error says why, until the thread's next fss_open. The ports belong to
+ * one thread. */
 fss_ports *fss_open(const fss_service *service, const char *bus, const char *vehicle);
 const char *fss_error(void);
 

@@ -3,7 +3,7 @@
 use crate::declared::Declared;
 use crate::options::Options;
 use crate::{CService, Ports, raw, text};
-use fss_bus::{Bus, RawPorts, SharedConfig, realtime};
+use fss_bus::{Bus, RawPorts, SharedConfig, realtime, stack_runs};
 use fss_service::Refusal;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
@@ -37,6 +37,9 @@ pub unsafe extern "C" fn fss_open(service: *const CService, bus: *const c_char, 
 unsafe fn open(service: Option<&CService>, bus: Option<String>, vehicle: Option<String>) -> Result<Ports, Refusal> {
     let service = service.ok_or("fss_open: there is no service")?;
     let prefix = bus.ok_or("fss_open: name the stack's prefix in shared memory, such as fss_1234_")?;
+    if !stack_runs(&prefix)? {
+        return Err(format!("fss_open: no stack runs with the prefix '{prefix}' in shared memory").into());
+    }
     // SAFETY: the caller says so.
     let declared = unsafe { Declared::read(service) }?;
     let name = &declared.description.service;
