@@ -172,6 +172,10 @@ const fn yes() -> bool {
     true
 }
 
+const fn default_max_age_ms() -> u64 {
+    300
+}
+
 impl Schedule {
     /// Time from one boundary to the next, ns.
     pub fn period_ns(&self) -> u64 {

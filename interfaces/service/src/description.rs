@@ -1,6 +1,5 @@
 //! What a program says of its service, so that a launcher knows its topics before it flies.
 
-use crate::process::read;
 use fss_bus::{InputPorts, OutputPorts, PortVisitor, RawTopic, Service};
 use fss_messages::topic::{Owner, Topic, is_shared};
 use fss_messages::{Definition, Sample};
@@ -149,4 +148,9 @@ pub fn topics_of(programs: &[ProgramEntry]) -> Result<Vec<RawTopic>> {
     let is_own = |port: &&PortDescription| !fss_messages::topic::NAMES.contains(&port.topic.as_str());
     let ports = programs.iter().flat_map(|program| &program.description.outputs);
     ports.filter(is_own).map(PortDescription::to_topic).collect()
+}
+
+/// The text of a file.
+pub(crate) fn read(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))
 }

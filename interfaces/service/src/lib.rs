@@ -101,6 +101,7 @@ mod description;
 mod explain;
 mod process;
 mod program;
+mod site;
 
 pub use description::{Description, FORMAT, PROGRAMS_FILE, PortDescription, ProgramEntry, read_programs, topics_of};
 pub use explain::explain_errors;
@@ -110,7 +111,8 @@ pub use fss_bus::{
 pub use fss_messages as messages;
 pub use fss_messages::topic as topics;
 pub use process::{LAUNCH_FILE, MISSION_FILE, PLANT_FILE, Process, STOP_TIME, SiteArgs, stop_on_signal};
-pub use program::{NoConfig, Program, RawProgram, Refusal, Site, config_of, run, run_raw};
+pub use program::{NoConfig, Program, RawProgram, config_of, run, run_raw};
+pub use site::{Refusal, Site};
 
 /// Defines messages of a package: of each the struct, its ROS 2 definition and the hash of its layout.
 ///

@@ -1,16 +1,16 @@
 //! One process of a stack: its run's folder, its schedule, shared memory, the word to stop.
 
-use crate::description::{read_programs, topics_of};
-use crate::program::Site;
+use crate::description::{read, read_programs, topics_of};
+use crate::site::Site;
 use clap::Args;
 use fss_bus::launch::{Launch, Schedule};
 use fss_bus::{Bus, Feed, Queue, Runner, Service, SharedConfig, process};
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{IntoDiagnostic, Result, miette};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::ffi::OsString;
 use std::io::{self, Read};
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -160,10 +160,6 @@ impl Process {
     pub fn queue<T: Send + 'static>(&self, name: &'static str) -> Result<Queue<T>> {
         self.bus.queue(name, Feed::<T>::CAPACITY).into_diagnostic()
     }
-}
-
-pub(crate) fn read(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))
 }
 
 /// A flag that Ctrl-C and termination set.

@@ -33,15 +33,11 @@ pub struct Bridge {
     #[serde(default)]
     pub receive: Vec<Spanned<ForeignTopic>>,
     /// Samples that are older when they come are refused, ms.
-    #[serde(default = "default_max_age_ms")]
+    #[serde(default = "super::default_max_age_ms")]
     pub max_age_ms: u64,
     /// A vehicle of which nothing was taken for so long is silent, ms.
     #[serde(default = "default_silent_ms")]
     pub silent_ms: u64,
-}
-
-pub(super) const fn default_max_age_ms() -> u64 {
-    300
 }
 
 const fn default_silent_ms() -> u64 {

@@ -42,7 +42,7 @@ pub struct Ros2Receive {
     /// What comes faster is refused, messages a second.
     pub max_rate_hz: Spanned<f64>,
     /// What is older when it comes is refused, ms.
-    #[serde(default = "super::bridge::default_max_age_ms")]
+    #[serde(default = "super::default_max_age_ms")]
     pub max_age_ms: u64,
     /// Of a pose, m.
     pub x_m: Option<Spanned<[f64; 2]>>,
