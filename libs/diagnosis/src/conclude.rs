@@ -32,7 +32,7 @@ pub(crate) struct Concluded {
 pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) -> Concluded {
     let best = &searched.sets[0].0;
     let posterior = searched.search.posterior(&searched.points, best).map(|p| p.0);
-    let (mut causes, mut suspects, mut laws) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut causes, mut suspects, mut laws): (Vec<(f64, Cause)>, _, _) = (Vec::new(), Vec::new(), Vec::new());
     for (place, candidate) in best.causes.iter().enumerate() {
         let Some(posterior) = &posterior else { continue };
         let class = class_of(searched, best, *candidate);
@@ -56,10 +56,12 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
             validation_nats: scores.validation.get(place).copied(),
             left_out_nats: scores.left_out.get(place).copied().unwrap_or(0.0),
         };
-        if class_probability >= ASSERTED { causes.push(cause) } else { suspects.push(cause) }
+        let without = probability_where(searched, |set| !holds_any(set, &class));
+        if class_probability >= ASSERTED { causes.push((without, cause)) } else { suspects.push(cause) }
     }
-    let by_probability = |a: &Cause, b: &Cause| b.class_probability.total_cmp(&a.class_probability);
-    causes.sort_by(by_probability);
+    // Many probabilities are 1 to all digits; what the data lose without a cause tells them apart.
+    causes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let causes: Vec<Cause> = causes.into_iter().map(|(_, cause)| cause).collect();
     let discrepancy = discrepancies(problem, searched);
     let remains = !laws.is_empty() || discrepancy.iter().any(|d| d.inferred > UNEXPECTED * d.expected);
     let verdict = match (causes.is_empty(), remains) {
@@ -107,9 +109,15 @@ fn class_of(searched: &Searched, best: &Found, candidate: usize) -> Vec<usize> {
 }
 
 fn probability_of_any(searched: &Searched, candidates: &[usize]) -> f64 {
-    let holds = |set: &Found| set.causes.iter().any(|c| candidates.contains(c));
-    let sum: f64 = searched.sets.iter().filter(|(set, _)| holds(set)).map(|(_, p)| p).sum();
-    sum.min(1.0)
+    probability_where(searched, |set| holds_any(set, candidates)).min(1.0)
+}
+
+fn holds_any(set: &Found, candidates: &[usize]) -> bool {
+    set.causes.iter().any(|c| candidates.contains(c))
+}
+
+fn probability_where(searched: &Searched, is_meant: impl Fn(&Found) -> bool) -> f64 {
+    searched.sets.iter().filter(|(set, _)| is_meant(set)).map(|(_, p)| p).sum()
 }
 
 fn alternatives(

@@ -116,7 +116,10 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let parts = (&path, rows.as_slice(), scale.as_slice());
     let servos = Servos::new(plant, run);
     let told = (path.reference.as_ref(), servos.commands.as_ref());
-    let nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
+    let mut nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
+    if let Some(anchors) = &anchors {
+        linearize::by_eccentricity(&path, &rows, anchors, &mut nominal.model.slopes);
+    }
     let mut block =
         JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.

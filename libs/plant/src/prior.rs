@@ -11,6 +11,8 @@ use crate::kind::{MAX_PARAMETERS, Parameter};
 pub const SLAB_WIDTHS: [f64; 3] = [0.25, 1.0, 4.0];
 /// Spike over typical size where an effect's file gives none: a laboratory leaves about a hundredth of what it would notice.
 const SPIKE_SHARE: f64 = 0.01;
+/// Of the friction that would be named, what no data sheet tells: oil and grease warm up.
+pub(crate) const FRICTION_SPIKE_SHARE: f64 = 1.0 / 60.0;
 
 /// How an effect's parameters enter a prediction that is linear in small effects.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,6 +96,14 @@ impl Plant {
             (0.0, weight) => weight,
             (motor, _) => motor,
         }
+    }
+
+    /// Friction at a joint (from 0) that would be named: of a drive 3 % of its largest torque, of a bare bearing, which has neither gear
+    /// nor brushes, a tenth of that of the weight that it carries (N m).
+    pub fn typical_joint_friction_n_m(&self, joint: usize) -> f64 {
+        let has_motor = self.links.get(joint).is_none_or(|link| link.max_torque_n_m > 0.0);
+        let share = if has_motor { 0.03 } else { 0.003 };
+        share * self.typical_joint_torque_n_m(joint)
     }
 
     /// Rate of a joint (from 0) that matters: of an arm that its motors move 1 rad/s; of one that swings by its weight that of a

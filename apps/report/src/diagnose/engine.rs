@@ -10,7 +10,7 @@ use fss_plant::Plant;
 /// How causes are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Engine {
-    /// By evidence for measured experiments of a floating base, in windows for clamped arms and for logs of `fss run`.
+    /// By evidence for measured experiments, in windows for logs of `fss run`.
     #[default]
     Auto,
     /// By fits of the motion in windows, and rules of what may be told.
@@ -20,10 +20,10 @@ pub(super) enum Engine {
 }
 
 impl Engine {
-    /// The engine for runs of a plant, some of them logs or none.
-    fn chosen(self, plant: &Plant, of_logs: bool) -> Self {
+    /// The engine for runs, some of them logs or none.
+    fn chosen(self, of_logs: bool) -> Self {
         match self {
-            Self::Auto if plant.base.clamped || of_logs => Self::Windowed,
+            Self::Auto if of_logs => Self::Windowed,
             Self::Auto => Self::Evidence,
             named => named,
         }
@@ -41,7 +41,7 @@ pub(super) fn diagnose(
     validation: &[Run],
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    match engine.chosen(plant, of_logs) {
+    match engine.chosen(of_logs) {
         Engine::Windowed | Engine::Auto => windowed::diagnose(plant, runs, validation, say).map(of_windowed),
         Engine::Evidence => fss_diagnosis::diagnose(plant, runs, validation, say),
     }

@@ -5,7 +5,7 @@ use super::path::MeasuredPath;
 use super::rows::{Kind, Row, Slopes, moments};
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use fss_plant::Plant;
-use nalgebra::{Matrix3, SMatrix};
+use nalgebra::{DVector, Matrix3, SMatrix};
 
 /// Step of central differences of torques by angles and rates, rad and rad/s: torques are polynomials of rates and
 /// sines of angles.
@@ -135,8 +135,8 @@ fn pseudo_inverse_solved(mechanics: &Mechanics, anchor: &Anchor, path: &Measured
 /// Standard deviation of the time by which rates lag, the same for all joints of a run, s: they are derivatives after a filter
 /// that nobody states.
 const RATE_LAG_SD_S: f64 = 1e-3;
-/// Standard deviation of each component of an encoder's error once a turn, rad: of a disc that sits a few micrometres off its axis.
-const ECCENTRICITY_SD_RAD: f64 = 1e-3;
+/// Standard deviation of each component of an encoder's error once a turn, rad: of a disc of 20 mm that sits 0.1 mm off its axis.
+const ECCENTRICITY_SD_RAD: f64 = 5e-3;
 /// A row's time is known to half of a valve's tick, s.
 const TIMING_S: f64 = 0.0025;
 
@@ -236,14 +236,14 @@ pub(super) fn slopes(
                 Kind::Angle(i) => {
                     own.motion.push((3 * i, 1.0));
                     let (sin, cos) = path.joints[i].at(t_s)[0].sin_cos();
-                    own.eccentricity = [ECCENTRICITY_SD_RAD * sin, ECCENTRICITY_SD_RAD * cos];
+                    own.eccentricity = eccentric(i, [sin, cos]);
                 }
                 Kind::Rate(i) => {
                     own.motion.push((3 * i + 1, 1.0));
                     let [angle, rate, acceleration] = path.joints[i].at(t_s);
                     let (sin, cos) = angle.sin_cos();
                     own.rate_lag = -RATE_LAG_SD_S * acceleration;
-                    own.eccentricity = [ECCENTRICITY_SD_RAD * cos * rate, -ECCENTRICITY_SD_RAD * sin * rate];
+                    own.eccentricity = eccentric(i, [cos * rate, -sin * rate]);
                 }
                 Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) => {
                     let columns = by_motion.get_or_insert_with(|| torque_slopes(mechanics, t_s, links));
@@ -265,6 +265,56 @@ pub(super) fn slopes(
     one_stiction_a_rest(rows, &mut out, plant, path);
     mix_tips(plant, rows, &mut out);
     out
+}
+
+/// Slopes by the sine and the cosine of joint `i`'s encoder error once a turn, in standard deviations.
+fn eccentric(i: usize, [sin, cos]: [f64; 2]) -> Vec<(usize, f64)> {
+    vec![(2 * i, ECCENTRICITY_SD_RAD * sin), (2 * i + 1, ECCENTRICITY_SD_RAD * cos)]
+}
+
+/// Standard deviation of the inertia that a rigid drive's rotor adds to its joint, as a share of the joint's own: what a gear of
+/// six to ten makes of a rotor. A plant file does not state it.
+const ROTOR_SHARE: f64 = 0.05;
+
+/// What the current of joint `i` depends on its rotor's inertia by, in standard deviations: through the acceleration that the
+/// nominal plant makes of the torques, not the measured one, which what is left of the torques is in.
+fn by_rotor(anchor: &Anchor, i: usize) -> f64 {
+    anchor.unit[i] * ROTOR_SHARE * anchor.inertia[(i, i)] * anchor.acceleration[i]
+}
+
+/// What drives' rows depend on encoders' errors once a turn by, where the motion follows from the torques. An encoder with the error
+/// e reads the acceleration (1 + e') a of a link; of the part of a that no torque explains this is none of the error's doing. Without
+/// these slopes an error would explain what is left of the torques by making it smaller.
+pub(super) fn by_eccentricity(
+    path: &MeasuredPath,
+    rows: &[Row],
+    anchors: &[Option<Anchor>],
+    slopes: &mut [Slopes],
+) {
+    let links = path.joints.len();
+    for (moment, anchor) in moments(rows).into_iter().zip(anchors) {
+        let Some(anchor) = anchor else { continue };
+        let inertia = anchor.inertia.view((0, 0), (links, links)).into_owned();
+        let mut left = DVector::zeros(links);
+        for (row, reading) in rows[moment.clone()].iter().zip(&anchor.reading) {
+            if let Kind::Current(i) | Kind::Undriven(i) = row.kind {
+                left[i] = (reading - row.value) / anchor.unit[i];
+            }
+        }
+        let Some(unexplained) = inertia.clone().lu().solve(&left) else { continue };
+        for k in moment {
+            let (Kind::Current(i) | Kind::Undriven(i)) = rows[k].kind else { continue };
+            slopes[k].eccentricity.clear();
+            if let Kind::Current(_) = rows[k].kind {
+                slopes[k].rotor = by_rotor(anchor, i);
+            }
+            for j in 0..links {
+                let (sin, cos) = path.joints[j].at(rows[k].t_s)[0].sin_cos();
+                let torque = anchor.unit[i] * inertia[(i, j)] * unexplained[j];
+                slopes[k].eccentricity.extend(eccentric(j, [torque * cos, -torque * sin]));
+            }
+        }
+    }
 }
 
 /// Torques by angle, rate and acceleration of each joint.

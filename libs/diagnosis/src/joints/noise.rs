@@ -8,7 +8,7 @@
 
 use super::arrivals::Arrivals;
 use super::hyper::Hyper;
-use super::process::{Step3, constant_between, singer};
+use super::process::{by_accelerations, singer};
 use super::rows::{Kind, Row, Slopes};
 use fss_estimation::{Columns, Step, Whitener};
 
@@ -49,6 +49,10 @@ struct Places {
     tip: Option<usize>,
     rate_lag: usize,
     eccentricity: usize,
+    /// Inertias of rotors, where torques tell the motion.
+    rotor: usize,
+    /// Accelerations of the step before, where torques tell the motion.
+    before: usize,
     /// Of the first of the states of [`Arrivals`].
     arrival: usize,
     count: usize,
@@ -67,9 +71,11 @@ impl NoiseModel {
         let tip = next(self.has_tip);
         let rate_lag = if self.has_tip { count + 2 } else { count };
         let eccentricity = rate_lag + 1;
-        let arrival = eccentricity + if self.driven { 2 * self.links } else { 0 };
+        let rotor = eccentricity + if self.driven { 2 * self.links } else { 0 };
+        let before = rotor + if self.driven { self.links } else { 0 };
+        let arrival = before + if self.driven { self.links } else { 0 };
         let count = arrival + if self.arrivals.is_some() { 3 * self.links } else { 0 };
-        Places { link, drive, tip, rate_lag, eccentricity, arrival, count }
+        Places { link, drive, tip, rate_lag, eccentricity, rotor, before, arrival, count }
     }
 
     /// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
@@ -113,15 +119,19 @@ impl NoiseModel {
         // Nothing is displaced before the first datagram.
         let at_rest = if self.arrivals.is_some() { places.arrival + self.links } else { n };
         (3 * self.links..at_rest).for_each(|i| initial[i * (n + 1)] = 1.0);
+        (places.before..places.arrival).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
         let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
         let mut filter = Whitener::new(n, initial, columns);
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
-        let (mut last_s, mut moment) = (f64::NAN, 0);
+        let (mut last_s, mut before_s, mut moment) = (f64::NAN, f64::NAN, 0);
         for (k, row) in rows.iter().enumerate() {
             if k > 0 && row.t_s > last_s {
                 moment += 1;
-                self.step(row.t_s - last_s, moment, hyper, &begin, &places, &mut step);
+                let dt_s = row.t_s - last_s;
+                let before_or_now_s = if moment > 1 { before_s } else { dt_s };
+                self.step((dt_s, before_or_now_s), moment, hyper, &begin, &places, &mut step);
                 filter.advance(&step);
+                before_s = dt_s;
             }
             last_s = row.t_s;
             let variance = self.measurement((row, k, moment), (hyper, breakaway_n_m), &places, &mut states);
@@ -138,31 +148,44 @@ impl NoiseModel {
         hyper.acceleration[0].powi(2) + (hyper.acceleration[1] * activity).powi(2)
     }
 
-    fn step(&self, dt_s: f64, moment: usize, hyper: &Hyper, begin: &[f64], places: &Places, step: &mut Step) {
+    fn step(
+        &self,
+        (dt_s, before_s): (f64, f64),
+        moment: usize,
+        hyper: &Hyper,
+        begin: &[f64],
+        places: &Places,
+        step: &mut Step,
+    ) {
         step.clear();
         let (transition, noise) = (&mut step.transition, &mut step.noise);
-        let paused = self.driven && dt_s > PAUSE * self.interval_s;
         let followed = if self.driven { None } else { Some(singer(dt_s, hyper.acceleration_s)) };
         for j in 0..self.links {
             let variance = self.acceleration_variance(moment, j, hyper);
-            if paused {
-                noise.extend((3 * j..3 * j + 3).map(|i| (i, i, begin[i])));
-                continue;
-            }
-            let (f, q): Step3 = match followed {
-                Some((f, q)) => (f, q.map(|row| row.map(|v| v * variance))),
-                None => constant_between(dt_s, variance),
-            };
-            for a in 0..3 {
-                for b in 0..3 {
-                    noise.push((3 * j + a, 3 * j + b, q[a][b]));
+            let own = 3 * j;
+            if let Some((f, q)) = followed {
+                for (a, b) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))) {
+                    noise.push((own + a, own + b, variance * q[a][b]));
                     if f[a][b] != 0.0 {
-                        transition.push((3 * j + a, 3 * j + b, f[a][b]));
+                        transition.push((own + a, own + b, f[a][b]));
                     }
+                }
+            } else if dt_s > PAUSE * self.interval_s {
+                noise.extend((own..own + 3).chain([places.before + j]).map(|i| (i, i, begin[i])));
+            } else {
+                let by = by_accelerations(dt_s, before_s);
+                transition.extend([(own, own, 1.0), (own, own + 1, dt_s), (own + 1, own + 1, 1.0)]);
+                transition.push((places.before + j, own + 2, 1.0));
+                for (i, [before, now, _]) in by.into_iter().enumerate() {
+                    transition.extend([(own + i, places.before + j, before), (own + i, own + 2, now)]);
+                }
+                let push = [by[0][2], by[1][2], 1.0];
+                for (a, b) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))) {
+                    noise.push((own + a, own + b, variance * push[a] * push[b]));
                 }
             }
         }
-        transition.extend((places.rate_lag..places.arrival).map(|i| (i, i, 1.0)));
+        transition.extend((places.rate_lag..places.before).map(|i| (i, i, 1.0)));
         for i in 3 * self.links..places.rate_lag {
             transition.push((i, i, (-dt_s / hyper.torque_s).exp()));
             noise.push((i, i, -(-2.0 * dt_s / hyper.torque_s).exp_m1()));
@@ -188,8 +211,11 @@ impl NoiseModel {
         if let Some(arrivals) = &self.arrivals {
             arrivals.read(moment, &slopes.motion, places.arrival, states);
         }
-        if let (true, Kind::Angle(i) | Kind::Rate(i)) = (self.driven, row.kind) {
-            states.extend(slopes.eccentricity.iter().enumerate().map(|(k, v)| (places.eccentricity + 2 * i + k, *v)));
+        if self.driven {
+            states.extend(slopes.eccentricity.iter().map(|(state, v)| (places.eccentricity + state, *v)));
+            if let Kind::Current(i) = row.kind {
+                states.push((places.rotor + i, slopes.rotor));
+            }
         }
         let (noise, torque) = (row.noise, slopes.torque);
         let variance = match row.kind {

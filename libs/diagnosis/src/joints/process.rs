@@ -53,18 +53,30 @@ fn sandwich(f: &[[f64; 3]; 3], p: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| half[i][k] * f[j][k]).sum()))
 }
 
-/// From the middle of an interval with one constant acceleration to the middle of the next, both `dt_s` long, with another
-/// of variance `variance` that has nothing to do with the first.
-pub(super) fn constant_between(dt_s: f64, variance: f64) -> Step3 {
-    let half = 0.5 * dt_s;
-    let push = [0.5 * half * half, half, 1.0];
-    let noise = std::array::from_fn(|i| std::array::from_fn(|j| variance * push[i] * push[j]));
-    ([[1.0, dt_s, 1.5 * half * half], [0.0, 1.0, half], [0.0; 3]], noise)
+/// What angle and rate gain in a step of `dt_s` by accelerations that a parabola joins: of the step before, `before_s` long, of its
+/// beginning and of its end (the Adams-Moulton formula of third order). Rows: of the angle, of the rate.
+pub(super) fn by_accelerations(dt_s: f64, before_s: f64) -> [[f64; 3]; 2] {
+    let (h, h0) = (dt_s, before_s);
+    let all = h + h0;
+    let (before, end) = (-h.powi(4) / (12.0 * h0 * all), h * h * (h / 12.0 + h0 / 6.0) / all);
+    let angle = [before, 0.5 * h * h - before - end, end];
+    let (before, end) = (-h.powi(3) / (6.0 * h0 * all), h * (h / 3.0 + h0 / 2.0) / all);
+    [angle, [before, h - before - end, end]]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_parabola_of_accelerations_is_integrated_exactly() {
+        let (h, h0) = (0.7, 0.4);
+        let acceleration = |t: f64| 1.0 - 2.0 * t + 3.0 * t * t;
+        let at = [acceleration(-h0), acceleration(0.0), acceleration(h)];
+        let [angle, rate] = by_accelerations(h, h0).map(|w| w.iter().zip(at).map(|(w, a)| w * a).sum::<f64>());
+        assert!((rate - (h - h * h + h.powi(3))).abs() < 1e-12, "{rate}");
+        assert!((angle - (h * h / 2.0 - h.powi(3) / 3.0 + h.powi(4) / 4.0)).abs() < 1e-12, "{angle}");
+    }
 
     #[test]
     fn two_steps_are_as_good_as_one() {

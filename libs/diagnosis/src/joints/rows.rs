@@ -45,8 +45,10 @@ pub(super) struct Slopes {
     pub(super) motion: Vec<(usize, f64)>,
     /// Of a rate's row: by the time by which rates lag, in standard deviations.
     pub(super) rate_lag: f64,
-    /// Of an angle's or a rate's row of a swinging arm: by the sine and the cosine of the encoder's error once a turn.
-    pub(super) eccentricity: [f64; 2],
+    /// Of a row of a swinging arm: by encoders' errors once a turn, index 2 joint + (sine, cosine).
+    pub(super) eccentricity: Vec<(usize, f64)>,
+    /// Of a current's row where torques move the arm: by the inertia of the drive's rotor, in standard deviations.
+    pub(super) rotor: f64,
     /// By the torque in the row's joint: N m of the torque scale in units of the row.
     pub(super) torque: f64,
     /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.

@@ -31,7 +31,8 @@ impl EffectKind for DriveKinematicError {
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let _ = (plant, index);
-        Prior::sized(&[2e-3], &[5e-5]).responding(Response::Shape(&[1.0, 2.0, 3.0, 4.0, 6.0, 8.0]))
+        // Precision gears are specified to an arc minute.
+        Prior::sized(&[2e-3], &[3e-4]).responding(Response::Shape(&[1.0, 2.0, 3.0, 4.0, 6.0, 8.0]))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -4,7 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
-use crate::prior::Prior;
+use crate::prior::{FRICTION_SPIKE_SHARE, Prior};
 
 pub(super) struct JointCoulombFriction;
 
@@ -27,8 +27,8 @@ impl EffectKind for JointCoulombFriction {
     }
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
-        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
-        Prior::sized(&[0.03 * torque], &[5e-4 * torque])
+        let friction = plant.typical_joint_friction_n_m(index.unwrap_or(0));
+        Prior::sized(&[friction], &[FRICTION_SPIKE_SHARE * friction])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

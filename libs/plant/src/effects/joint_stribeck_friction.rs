@@ -4,7 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
-use crate::prior::{Prior, Response};
+use crate::prior::{FRICTION_SPIKE_SHARE, Prior, Response};
 
 pub(super) struct JointStribeckFriction;
 
@@ -28,10 +28,10 @@ impl EffectKind for JointStribeckFriction {
     }
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
-        let torque = plant.typical_joint_torque_n_m(index.unwrap_or(0));
+        let friction = plant.typical_joint_friction_n_m(index.unwrap_or(0));
         // The law of a friction is known no better than its size.
         let stated = plant.uncertainty.as_ref().map_or(0.0, |uncertainty| uncertainty.coulomb_friction_n_m);
-        Prior::sized(&[0.03 * torque], &[stated.max(1e-3 * torque)]).responding(Response::Shape(&[0.01, 0.03, 0.1]))
+        Prior::sized(&[friction], &[stated.max(2.0 * FRICTION_SPIKE_SHARE * friction)]).responding(Response::Shape(&[0.01, 0.03, 0.1]))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -4,7 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place, alone};
 use crate::physics::Physics;
-use crate::prior::Prior;
+use crate::prior::{FRICTION_SPIKE_SHARE, Prior};
 
 pub(super) struct JointViscousFriction;
 
@@ -31,8 +31,8 @@ impl EffectKind for JointViscousFriction {
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let joint = index.unwrap_or(0);
-        let resistance = plant.typical_joint_torque_n_m(joint) / plant.typical_joint_rate_rad_s(joint);
-        Prior::sized(&[0.03 * resistance], &[5e-4 * resistance])
+        let resistance = plant.typical_joint_friction_n_m(joint) / plant.typical_joint_rate_rad_s(joint);
+        Prior::sized(&[resistance], &[FRICTION_SPIKE_SHARE * resistance])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

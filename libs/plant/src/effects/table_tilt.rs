@@ -25,8 +25,11 @@ impl EffectKind for TableTilt {
     }
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
-        let _ = (plant, index);
-        Prior::sized(&[1e-3; 2], &[3e-6; 2])
+        let _ = index;
+        // A table is levelled; where gravity acts in the plane, its direction is known to a milliradian.
+        let [gx, gy] = plant.table.gravity_m_s2;
+        let gravity = gx.hypot(gy);
+        Prior::sized(&[1e-3 + 1e-2 * gravity; 2], &[3e-6 + 1e-3 * gravity; 2])
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
