@@ -11,6 +11,9 @@ const TURNS: [f64; 2] = [1.0, 2.0];
 /// Frequencies of a force in time: multiples of half the inverse run length, up to this many.
 const HARMONICS: usize = 40;
 
+/// Torque of a law of joints, as a share of the largest: whatever resists, it leaves a joint able to move.
+const LAW_SHARE: f64 = 0.03;
+
 /// What a law's frequencies are multiples of.
 #[derive(Clone, Copy, PartialEq)]
 enum Period {
@@ -91,8 +94,11 @@ impl Candidate {
         vec![self.nominal.clone().with(&values)]
     }
 
-    /// A law's coordinates are the strengths of its cosine and sine, of a force along x, then y.
+    /// A law's coordinates are its strength, or the strengths of its cosine and sine, of a force along x, then y.
     fn law(&self, c: &[f64]) -> Vec<Effect> {
+        if c.len() == 1 {
+            return vec![self.nominal.clone().with(c)];
+        }
         let part = |along: f64, cos: f64, sin: f64| {
             let strength = cos.hypot(sin);
             (strength > 0.0).then(|| self.nominal.clone().with(&[strength, self.shape, along, cos.atan2(sin)]))
@@ -102,8 +108,9 @@ impl Candidate {
     }
 }
 
-/// Every cause that the plant can have, laws of runs as long as `duration_s` among them.
-pub(crate) fn candidates(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
+/// Every cause that the plant can have, laws among them: of runs as long as `duration_s`, in which the joints had rates between
+/// `rates_rad_s`.
+pub(crate) fn candidates(plant: &Plant, duration_s: f64, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
     let mut all: Vec<Candidate> = effects::candidates(plant).iter().flat_map(|effect| of(effect, plant, "")).collect();
     // What all thrusters or all links share lies upstream of them.
     let shared = |kind: &&&dyn EffectKind| {
@@ -112,7 +119,7 @@ pub(crate) fn candidates(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
     for kind in catalogue().iter().filter(shared).filter(|_| !plant.thrusters.is_empty()) {
         all.extend(of(&Effect::of(*kind).nominal(plant), plant, " of all"));
     }
-    all.extend(laws(plant, duration_s));
+    all.extend(if plant.base.clamped { joint_laws(plant, rates_rad_s) } else { base_laws(plant, duration_s) });
     // What a clamped base lacks has no typical size.
     let has_size =
         |c: &Candidate| c.prior.response == Response::Discrete || c.prior.typical[..c.size].iter().all(|t| *t > 0.0);
@@ -138,10 +145,25 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str) -> Vec<Candidate> {
     }
 }
 
-fn laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
-    if plant.base.clamped {
-        return Vec::new();
-    }
+/// Of a clamped arm: torques against the square of a joint's rate. What was fitted says nothing of other rates.
+fn joint_laws(plant: &Plant, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
+    let law = |(joint, [from, to]): (usize, &[f64; 2])| {
+        let mut nominal = Effect::new("unmodelled").ok()?.on(&format!("joint_torque_{}_by_rate", joint + 1));
+        nominal.set("from", *from).and_then(|()| nominal.set("to", *to)).ok()?;
+        let typical = LAW_SHARE * plant.typical_joint_torque_n_m(joint) / plant.typical_joint_rate_rad_s(joint).powi(2);
+        Some(Candidate {
+            nominal,
+            kind: "unmodelled joint_torque_by_rate".into(),
+            prior: Prior::sized(&[typical], &[1e-3 * typical]),
+            shape: 0.0,
+            size: 1,
+            is_law: true,
+        })
+    };
+    rates_rad_s.iter().enumerate().filter_map(law).collect()
+}
+
+fn base_laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
     let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
     let mut all = Vec::new();
     for (channel, period) in LAWS {

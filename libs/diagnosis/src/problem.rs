@@ -110,7 +110,7 @@ impl Problem {
         };
         members.retain(fits);
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
-        let mut problem = Self::of(plant, runs.len(), members, candidates(plant, duration_s));
+        let mut problem = Self::of(plant, runs.len(), members, candidates(plant, duration_s, &rates(plant, runs)));
         problem.is_commanded = runs.iter().any(|run| datagrams(plant, run).is_some());
         Ok(problem)
     }
@@ -349,6 +349,15 @@ impl Problem {
 
 pub(crate) fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b) / by).collect()
+}
+
+/// Least and largest rate of each joint over all runs, rad/s.
+fn rates(plant: &Plant, runs: &[Run]) -> Vec<[f64; 2]> {
+    let of_joint = |joint: usize| {
+        let rates = runs.iter().filter_map(|run| run.joints.as_ref()?.qd_rad_s.get(joint)).flatten();
+        rates.filter(|v| v.is_finite()).fold([0.0, 0.0], |[low, high]: [f64; 2], v| [low.min(*v), high.max(*v)])
+    };
+    (0..plant.link_count()).map(of_joint).collect()
 }
 
 fn span_s(block: &dyn Block) -> f64 {
