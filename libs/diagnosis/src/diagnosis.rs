@@ -26,6 +26,11 @@ impl Verdict {
         }
     }
 
+    /// The same where causes were found besides.
+    pub(crate) fn with_causes(self) -> Self {
+        if self.leaves_something() { Self::PartlyExplained } else { Self::Explained }
+    }
+
     /// Whether a discrepancy remains.
     pub fn leaves_something(self) -> bool {
         matches!(self, Self::PartlyExplained | Self::Unexplained)
@@ -60,6 +65,23 @@ pub struct Cause {
     pub validation_nats: Option<f64>,
     /// The same for each fitted run in turn, predicted from the others, summed (nats).
     pub left_out_nats: f64,
+}
+
+impl Cause {
+    /// One without a size.
+    pub(crate) fn certain(effect: Effect, probability: f64) -> Self {
+        let std = vec![0.0; effect.values().len()];
+        let alternatives = Vec::new();
+        Self {
+            effect,
+            std,
+            probability,
+            class_probability: probability,
+            alternatives,
+            validation_nats: None,
+            left_out_nats: 0.0,
+        }
+    }
 }
 
 /// A pulse that was commanded and not delivered.

@@ -9,7 +9,7 @@
 //! - `examine`, `startup_transient`: what of the records is no measurement.
 //! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
 //! - `gram`: products of the whitened columns.
-//! - `search`: marginal likelihoods of sets of causes.
+//! - `search`: marginal likelihoods of sets of causes, and of wirings of the thrusters.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
 //! - `pulses`: single pulses that a thruster did not deliver.
 //! - [`diagnosis`]: the answer.
@@ -37,12 +37,12 @@ mod startup_transient;
 pub mod uncertain;
 
 pub use conclude::ASSERTED;
-use diagnosis::{ChannelMisfit, Diagnosis, Gain, Verdict};
+use diagnosis::{Cause, ChannelMisfit, Diagnosis, Gain, Verdict};
 pub use draw::drawn_causes;
 use examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::Plant;
+use fss_plant::{Effect, Plant};
 use problem::Problem;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
@@ -57,35 +57,67 @@ pub fn diagnose(
 ) -> Result<Diagnosis, ModelError> {
     let Examined { plant, runs, remarks } = examine(plant, runs);
     let validation = examine(&plant, validation).runs;
-    let (plant, runs, validation) = (&plant, &runs[..], &validation[..]);
+    let answer = answer(&plant, (&runs, &validation), Wiring::OfFile, say)?;
+    Ok(Diagnosis { remarks, ..answer })
+}
+
+/// Where a plant's wiring comes from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Wiring {
+    OfFile,
+    Found,
+}
+
+/// The answer from records that hold nothing but measurements.
+fn answer(
+    plant: &Plant,
+    (runs, validation): (&[Run], &[Run]),
+    wiring: Wiring,
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
     let problem = Problem::new(plant, runs)?;
     let judged_on = Problem::new(plant, validation)?.with_noise_of(&problem);
     if problem.is_empty() {
-        return Ok(nothing_to_say(plant, remarks));
+        return Ok(nothing_to_say(plant));
     }
     let searched = search::search(&problem, say)?;
     say("measuring the gain");
     let scores = scores::scores(&searched, Some(&judged_on))?;
     let concluded = conclude::conclude(&problem, &searched, &scores);
+    let settled_null = problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]);
+    let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant, &searched.hyper);
+    let before = told(&problem, runs, &settled_null)?;
+    let validation_before = told(&judged_on, validation, &settled_null)?;
+    let judged = |v: &[ChannelMisfit], f: &[ChannelMisfit]| misfit::overall(if v.is_empty() { f } else { v });
+    let gain_before = judged(&validation_before, &before);
+    if wiring == Wiring::OfFile && concluded.verdict.leaves_something() {
+        say("asking for another wiring");
+        if let Some(found) = search::rewired(&searched)? {
+            let mut wired = plant.clone();
+            wired.effects.extend(found.exchanges.iter().cloned());
+            let mut answer = answer(&wired, (runs, validation), Wiring::Found, say)?;
+            let cause = |effect: &Effect| Cause::certain(effect.clone(), found.probability);
+            answer.causes.splice(0..0, found.exchanges.iter().map(cause));
+            answer.verdict = answer.verdict.with_causes();
+            let gain = Gain { before: gain_before, ..answer.gain };
+            return Ok(Diagnosis { before, validation_before, gain, probability_of_none: 0.0, ..answer });
+        }
+    }
     say("asking for single pulses");
     let mut missing_pulses = pulses::missing_pulses(&searched, &problem, runs)?;
     missing_pulses.extend(pulses::missing_pulses(&searched, &judged_on, validation)?);
     let means = searched.uncertain_means();
-    let settled_null = problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]);
     let mut extended = problem.settled(&means);
     let effects: Vec<_> =
         concluded.causes.iter().map(|c| c.effect.clone()).chain(concluded.laws.iter().cloned()).collect();
     extended.effects.retain(|e| !effects.iter().any(|n| problem::is_same(n, e)));
     extended.effects.extend(effects);
-    let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant, &searched.hyper);
-    let (before, after) = (told(&problem, runs, &settled_null)?, told(&problem, runs, &extended)?);
-    let validation_before = told(&judged_on, validation, &settled_null)?;
+    let after = told(&problem, runs, &extended)?;
     let validation_after = told(&judged_on, validation, &extended)?;
-    let judged = |v: &[ChannelMisfit], f: &[ChannelMisfit]| misfit::overall(if v.is_empty() { f } else { v });
-    let gain = Gain { before: judged(&validation_before, &before), after: judged(&validation_after, &after) };
+    let gain = Gain { before: gain_before, after: judged(&validation_after, &after) };
     let names = problem.uncertain.iter().map(|u| u.name.clone());
     Ok(Diagnosis {
-        remarks,
+        remarks: Vec::new(),
         verdict: concluded.verdict,
         causes: concluded.causes,
         suspects: concluded.suspects,
@@ -106,9 +138,9 @@ pub fn diagnose(
     })
 }
 
-fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
+fn nothing_to_say(plant: &Plant) -> Diagnosis {
     Diagnosis {
-        remarks,
+        remarks: Vec::new(),
         verdict: Verdict::Consistent,
         causes: Vec::new(),
         suspects: Vec::new(),

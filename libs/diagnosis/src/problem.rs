@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// A block, the run that it is of, and its family: blocks of a family share hyper-parameters.
 pub(crate) struct Member {
     pub(crate) run: usize,
-    family: usize,
+    pub(crate) family: usize,
     pub(crate) block: Box<dyn Block>,
 }
 

@@ -8,6 +8,7 @@ mod hyper;
 mod sets;
 mod shortlist;
 mod space;
+mod wiring;
 
 use crate::gram::GramCache;
 use crate::problem::{Center, Linearized, Present, Problem, Slope};
@@ -19,6 +20,7 @@ use sets::probabilities;
 pub(crate) use sets::{DISCRETE_SD, SIZES, log_sum};
 use space::VARIATIONS;
 pub(crate) use space::{Found, HyperPoint, Search};
+pub(crate) use wiring::rewired;
 use std::collections::BTreeSet;
 
 /// Rounds of search, optimization and linearization at the most.

@@ -1,0 +1,267 @@
+//! Which command opens which thruster, where no few causes explain the motion.
+//!
+//! With b_ij the whitened column of what command i does through thruster j, and e the whitened data without any command, a wiring w,
+//! command i to thruster w(i), leaves
+//!
+//! ```text
+//! chi2(w) = |e - sum_i b_i,w(i)|^2 = e'e - 2 sum_i e'b_i,w(i) + sum_i,k b_i,w(i)'b_k,w(k)
+//! ```
+//!
+//! so that one Gram matrix has all wirings. The best is found by exchanging pairs, from the plant file's wiring and from that which the
+//! least-squares solution over all b_ij is closest to. Its marginal likelihood, the noise inferred anew and no cause acting, is compared
+//! with that of the best set of causes.
+
+use super::sets::SIZES;
+use super::space::Search;
+use super::{Searched, medians};
+use crate::conclude::ASSERTED;
+use crate::gram::GramCache;
+use crate::problem::{Center, Linearized, Problem, Slope};
+use fss_estimation::Columns;
+use fss_multibody::ModelError;
+use fss_plant::Effect;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Prior probability that more than single lines are exchanged: a harness is plugged in by hand, and tried before it flies.
+const REWIRED: f64 = 1e-3;
+/// Vehicles with more thrusters are not asked: columns grow with the square of their number.
+const MOST_THRUSTERS: usize = 16;
+/// Rounds of noise and wiring, each with the other as it is.
+const ROUNDS: usize = 3;
+
+/// A wiring that explains the data better than any set of causes.
+pub(crate) struct Rewired {
+    /// Exchanges that make it of the plant file's, one after the other.
+    pub(crate) exchanges: Vec<Effect>,
+    pub(crate) probability: f64,
+}
+
+/// Columns b_ij of each block of the base, by command and then thruster; none of other blocks.
+type Actions = Vec<Vec<Vec<f64>>>;
+
+/// The wiring that the data ask for; `None` where a set of causes is as good.
+pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError> {
+    let (search, problem) = (&searched.search, searched.search.problem);
+    let count = problem.plant.thrusters.len();
+    if !(2..=MOST_THRUSTERS).contains(&count) {
+        return Ok(None);
+    }
+    let wanted = |c: usize, _: usize| search.chosen.contains(&c);
+    let nominal = problem.linearized(&Center::default(), Slope::Secant, &wanted, None)?;
+    let actions = actions(problem, count)?;
+    let identity: Vec<usize> = (0..count).collect();
+    let mut best: (f64, Vec<usize>) = (f64::NEG_INFINITY, identity.clone());
+    for start in [searched.hyper.clone(), searched.points[0].hyper.clone(), medians(problem)] {
+        let mut hyper = start;
+        for _ in 0..ROUNDS {
+            let wiring = most_likely(problem, &nominal, &actions, &hyper, count);
+            let linearized = wired(&nominal, &actions, &wiring, count);
+            hyper = search.optimized(&linearized, &[], &[], &hyper, 0.5, |_, _| true);
+            let Some(value) = search.log_evidence(&linearized, &hyper) else { break };
+            if value <= best.0 {
+                break;
+            }
+            best = (value, wiring);
+        }
+    }
+    let others: f64 = (2..=count).map(|k| (k as f64).ln()).sum();
+    let log_odds = best.0 + (REWIRED * SIZES[0]).ln() - others - searched.sets[0].0.log_posterior;
+    let probability = 1.0 / (1.0 + (-log_odds).exp());
+    let exchanges = exchanges(&best.1);
+    Ok((probability >= ASSERTED && !exchanges.is_empty()).then_some(Rewired { exchanges, probability }))
+}
+
+impl Search<'_> {
+    /// Logarithm of the marginal likelihood without causes, with the hyper-parameters' prior.
+    fn log_evidence(&self, linearized: &Linearized, hyper: &[f64]) -> Option<f64> {
+        let point = self.point(linearized, hyper, &self.parameters, &GramCache::default())?;
+        Some(point.posterior.of_set(&[])?.log_evidence + point.log_prior)
+    }
+}
+
+fn actions(problem: &Problem, count: usize) -> Result<Actions, ModelError> {
+    let first = problem.members.iter().map(|m| m.family).min();
+    let stuck = |j: usize| Effect::new("thruster_gain").ok().map(|e| e.at(j + 1).with(&[0.0]));
+    let own = |only: Option<usize>| (0..count).filter(move |j| Some(*j) != only).filter_map(stuck);
+    let effects = |only: Option<usize>| -> Vec<Effect> {
+        problem.plant.effects.iter().cloned().chain(own(only)).collect()
+    };
+    let of_member = |member: &crate::problem::Member| -> Result<Vec<Vec<f64>>, ModelError> {
+        if Some(member.family) != first {
+            return Ok(Vec::new());
+        }
+        let silent = member.block.predict(&problem.plant, &effects(None))?;
+        let action = |(i, j): (usize, usize)| {
+            let mut effects = effects(Some(j));
+            effects.extend((i != j).then(|| exchange(i, j)).flatten());
+            let there = member.block.predict(&problem.plant, &effects)?;
+            Ok(crate::problem::difference(&there, &silent, 1.0))
+        };
+        (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).map(action).collect()
+    };
+    problem.members.par_iter().map(of_member).collect()
+}
+
+/// The exchange of two lines, counted from 0.
+fn exchange(a: usize, b: usize) -> Option<Effect> {
+    Some(Effect::new("valve_swap").ok()?.at(a.min(b) + 1).with(&[(a.max(b) + 1) as f64]))
+}
+
+/// The data of a wiring: those of the plant file's, less what its commands do otherwise.
+fn wired(nominal: &Linearized, actions: &Actions, wiring: &[usize], count: usize) -> Linearized {
+    let of_member = |(columns, actions): (&Vec<Vec<f64>>, &Vec<Vec<f64>>)| {
+        let mut columns = columns.clone();
+        for (i, j) in wiring.iter().enumerate().filter(|(i, j)| i != *j && !actions.is_empty()) {
+            let change = actions[i * count + i].iter().zip(&actions[i * count + j]);
+            columns[0].iter_mut().zip(change).for_each(|(data, (own, other))| *data += own - other);
+        }
+        columns
+    };
+    Linearized { columns: nominal.columns.iter().zip(actions).map(of_member).collect(), size: nominal.size.clone() }
+}
+
+/// The likeliest wiring at values of the hyper-parameters.
+fn most_likely(
+    problem: &Problem,
+    nominal: &Linearized,
+    actions: &Actions,
+    hyper: &[f64],
+    count: usize,
+) -> Vec<usize> {
+    let width = count * count + 1;
+    let of_member = |((member, columns), actions): ((&crate::problem::Member, &Vec<Vec<f64>>), &Vec<Vec<f64>>)| {
+        if actions.is_empty() {
+            return DMatrix::zeros(width, width);
+        }
+        let mut silent = columns[0].clone();
+        for i in 0..count {
+            silent.iter_mut().zip(&actions[i * count + i]).for_each(|(data, own)| *data += own);
+        }
+        let all: Vec<&[f64]> = std::iter::once(&silent).chain(actions).map(Vec::as_slice).collect();
+        let mut white = Columns::of(&all);
+        member.block.whiten(problem.hyper_of(member, hyper), &mut white);
+        let rows = DMatrix::from_column_slice(white.width(), white.rows(), white.values());
+        &rows * rows.transpose()
+    };
+    let members: Vec<_> = problem.members.iter().zip(&nominal.columns).zip(actions).collect();
+    let gram = members.into_par_iter().map(of_member).reduce(|| DMatrix::zeros(width, width), |a, b| a + b);
+    let products = Products { gram, count };
+    let starts = [(0..count).collect(), products.closest()];
+    let improved = starts.map(|start| products.improved(start));
+    let [a, b] = improved;
+    if products.left(&b) < products.left(&a) { b } else { a }
+}
+
+/// Products of the whitened columns: the data without commands, then b_ij by command and thruster.
+struct Products {
+    gram: DMatrix<f64>,
+    count: usize,
+}
+
+impl Products {
+    fn column(&self, command: usize, thruster: usize) -> usize {
+        1 + command * self.count + thruster
+    }
+
+    /// chi2 of a wiring.
+    fn left(&self, wiring: &[usize]) -> f64 {
+        let columns: Vec<usize> = wiring.iter().enumerate().map(|(i, j)| self.column(i, *j)).collect();
+        let own = |a: &usize| columns.iter().map(|b| self.gram[(*a, *b)]).sum::<f64>() - 2.0 * self.gram[(0, *a)];
+        self.gram[(0, 0)] + columns.iter().map(own).sum::<f64>()
+    }
+
+    /// The wiring that takes the largest coefficients of the least-squares solution over all columns, one after the other.
+    fn closest(&self) -> Vec<usize> {
+        let (size, count) = (self.count * self.count, self.count);
+        let products = self.gram.view((1, 1), (size, size)).into_owned();
+        let ridge = DMatrix::identity(size, size) * (1e-6 * products.trace() / size as f64 + f64::MIN_POSITIVE);
+        let data = DVector::from_fn(size, |i, _| self.gram[(0, 1 + i)]);
+        let solution = (products + ridge).cholesky().map_or_else(|| data.clone(), |c| c.solve(&data));
+        let mut order: Vec<usize> = (0..size).collect();
+        order.sort_by(|a, b| solution[*b].total_cmp(&solution[*a]));
+        let mut wiring = vec![usize::MAX; count];
+        for k in order {
+            let (command, thruster) = (k / count, k % count);
+            if wiring[command] == usize::MAX && !wiring.contains(&thruster) {
+                wiring[command] = thruster;
+            }
+        }
+        wiring
+    }
+
+    /// The wiring that no exchange of two makes better.
+    fn improved(&self, mut wiring: Vec<usize>) -> Vec<usize> {
+        let mut left = self.left(&wiring);
+        loop {
+            let before = left;
+            for a in 0..self.count {
+                for b in a + 1..self.count {
+                    wiring.swap(a, b);
+                    let now = self.left(&wiring);
+                    // What no command tells apart stays as the plant file has it.
+                    if now < left - 1e-9 * self.gram[(0, 0)] {
+                        left = now;
+                    } else {
+                        wiring.swap(a, b);
+                    }
+                }
+            }
+            if left >= before {
+                return wiring;
+            }
+        }
+    }
+}
+
+/// Exchanges of lines that make a wiring of the plant file's, one after the other.
+fn exchanges(wiring: &[usize]) -> Vec<Effect> {
+    // Line of each thruster.
+    let mut lines: Vec<usize> = (0..wiring.len()).collect();
+    let mut all = Vec::new();
+    for (command, thruster) in wiring.iter().enumerate() {
+        let Some(now) = lines.iter().position(|line| *line == command).filter(|now| now != thruster) else { continue };
+        lines.swap(now, *thruster);
+        all.extend(exchange(now, *thruster));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Columns that are unit vectors but for one pair, and data that a wiring makes.
+    fn products(wiring: &[usize]) -> Products {
+        let count = wiring.len();
+        let size = count * count;
+        let column = |k: usize| DVector::from_fn(size, |i, _| f64::from(u8::from(i == k)) + 0.1 * ((i * k) as f64).sin());
+        let columns: Vec<DVector<f64>> = (0..size).map(column).collect();
+        let data: DVector<f64> = wiring.iter().enumerate().map(|(i, j)| &columns[i * count + j]).sum();
+        let all: Vec<DVector<f64>> = std::iter::once(data).chain(columns).collect();
+        let all = DMatrix::from_columns(&all);
+        Products { gram: all.tr_mul(&all), count }
+    }
+
+    #[test]
+    fn any_wiring_is_found_from_its_products() {
+        for wiring in [vec![0, 1, 2, 3], vec![1, 0, 2, 3], vec![2, 0, 1, 3], vec![3, 2, 0, 1]] {
+            let products = products(&wiring);
+            assert!(products.left(&wiring).abs() < 1e-9);
+            assert_eq!(products.improved(products.closest()), wiring);
+        }
+    }
+
+    #[test]
+    fn exchanges_one_after_the_other_make_the_wiring() {
+        for wiring in [vec![0, 1, 2], vec![1, 2, 0, 3], vec![4, 0, 3, 2, 1]] {
+            let mut lines: Vec<usize> = (0..wiring.len()).collect();
+            for exchange in exchanges(&wiring) {
+                lines.swap(exchange.index().unwrap_or(0) - 1, exchange.values()[0] as usize - 1);
+            }
+            let made: Vec<usize> =
+                (0..wiring.len()).filter_map(|command| lines.iter().position(|line| *line == command)).collect();
+            assert_eq!(made, wiring);
+        }
+    }
+}
