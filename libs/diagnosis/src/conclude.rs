@@ -29,6 +29,14 @@ pub(crate) struct Concluded {
     pub(crate) probability_of_none: f64,
 }
 
+impl Concluded {
+    /// Asserts no cause: what was to be asserted is a suspect.
+    pub(crate) fn assert_nothing(&mut self) {
+        self.suspects.splice(0..0, self.causes.drain(..));
+        self.verdict = Verdict::Unexplained;
+    }
+}
+
 pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) -> Concluded {
     let best = &searched.sets[0].0;
     let posterior = searched.search.posterior(&searched.points, best).map(|p| p.0);

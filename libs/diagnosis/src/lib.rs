@@ -42,8 +42,9 @@ pub use draw::drawn_causes;
 use examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant};
+use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
+use search::Rewired;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
 ///
@@ -58,7 +59,21 @@ pub fn diagnose(
     let Examined { plant, runs, remarks } = examine(plant, runs);
     let validation = examine(&plant, validation).runs;
     let answer = answer(&plant, (&runs, &validation), Wiring::OfFile, say)?;
+    let remarks = [remarks, answer.remarks].concat();
     Ok(Diagnosis { remarks, ..answer })
+}
+
+/// What is said where the best model is one in which no thruster pushes, and it is not good.
+const NO_COMMAND_SHOWS: &str = "no command of a thruster shows in the motion: the commands are of another motion, or nothing \
+    reached the thrusters; no cause is asserted";
+
+/// Whether no thruster of the plant pushes with these causes, though one does without them.
+fn commands_do_nothing(plant: &Plant, causes: &[Cause]) -> bool {
+    let pushes = |effects: &[Effect]| {
+        Physics::with(plant, effects).thrusters.iter().any(|t| t.curve_n.iter().any(|c| *c != 0.0))
+    };
+    let with: Vec<Effect> = plant.effects.iter().cloned().chain(causes.iter().map(|c| c.effect.clone())).collect();
+    pushes(&plant.effects) && !pushes(&with)
 }
 
 /// Where a plant's wiring comes from.
@@ -83,24 +98,37 @@ fn answer(
     let searched = search::search(&problem, say)?;
     say("measuring the gain");
     let scores = scores::scores(&searched, Some(&judged_on))?;
-    let concluded = conclude::conclude(&problem, &searched, &scores);
+    let mut concluded = conclude::conclude(&problem, &searched, &scores);
+    let mut remarks = Vec::new();
+    let silent = concluded.verdict.leaves_something() && commands_do_nothing(plant, &concluded.causes);
+    if silent {
+        remarks.push(NO_COMMAND_SHOWS.to_owned());
+        concluded.assert_nothing();
+    }
     let settled_null = problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]);
     let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant, &searched.hyper);
     let before = told(&problem, runs, &settled_null)?;
     let validation_before = told(&judged_on, validation, &settled_null)?;
     let judged = |v: &[ChannelMisfit], f: &[ChannelMisfit]| misfit::overall(if v.is_empty() { f } else { v });
     let gain_before = judged(&validation_before, &before);
-    if wiring == Wiring::OfFile && concluded.verdict.leaves_something() {
+    if wiring == Wiring::OfFile && !silent && concluded.verdict.leaves_something() {
         say("asking for another wiring");
-        if let Some(found) = search::rewired(&searched)? {
-            let mut wired = plant.clone();
-            wired.effects.extend(found.exchanges.iter().cloned());
-            let mut answer = answer(&wired, (runs, validation), Wiring::Found, say)?;
-            let cause = |effect: &Effect| Cause::certain(effect.clone(), found.probability);
-            answer.causes.splice(0..0, found.exchanges.iter().map(cause));
-            answer.verdict = answer.verdict.with_causes();
-            let gain = Gain { before: gain_before, ..answer.gain };
-            return Ok(Diagnosis { before, validation_before, gain, probability_of_none: 0.0, ..answer });
+        match search::rewired(&searched)? {
+            Some(Rewired::By(exchanges, probability)) => {
+                let mut wired = plant.clone();
+                wired.effects.extend(exchanges.iter().cloned());
+                let mut answer = answer(&wired, (runs, validation), Wiring::Found, say)?;
+                let causes = exchanges.into_iter().map(|effect| Cause::certain(effect, probability));
+                answer.causes.splice(0..0, causes);
+                answer.verdict = answer.verdict.with_causes();
+                let gain = Gain { before: gain_before, ..answer.gain };
+                return Ok(Diagnosis { before, validation_before, gain, probability_of_none: 0.0, ..answer });
+            }
+            Some(Rewired::Silent) => {
+                remarks.push(NO_COMMAND_SHOWS.to_owned());
+                concluded.assert_nothing();
+            }
+            None => {}
         }
     }
     say("asking for single pulses");
@@ -117,7 +145,7 @@ fn answer(
     let gain = Gain { before: gain_before, after: judged(&validation_after, &after) };
     let names = problem.uncertain.iter().map(|u| u.name.clone());
     Ok(Diagnosis {
-        remarks: Vec::new(),
+        remarks,
         verdict: concluded.verdict,
         causes: concluded.causes,
         suspects: concluded.suspects,

@@ -20,8 +20,8 @@ use sets::probabilities;
 pub(crate) use sets::{DISCRETE_SD, SIZES, log_sum};
 use space::VARIATIONS;
 pub(crate) use space::{Found, HyperPoint, Search};
-pub(crate) use wiring::rewired;
 use std::collections::BTreeSet;
+pub(crate) use wiring::{Rewired, rewired};
 
 /// Rounds of search, optimization and linearization at the most.
 const ROUNDS: usize = 14;

@@ -11,12 +11,12 @@
 //! least-squares solution over all b_ij is closest to. Its marginal likelihood, the noise inferred anew and no cause acting, is compared
 //! with that of the best set of causes.
 
-use super::sets::SIZES;
+use super::sets::{SIZES, log_sum};
 use super::space::Search;
 use super::{Searched, medians};
 use crate::conclude::ASSERTED;
 use crate::gram::GramCache;
-use crate::problem::{Center, Linearized, Problem, Slope};
+use crate::problem::{Center, Linearized, Member, Problem, Slope, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
@@ -30,17 +30,15 @@ const MOST_THRUSTERS: usize = 16;
 /// Rounds of noise and wiring, each with the other as it is.
 const ROUNDS: usize = 3;
 
-/// A wiring that explains the data better than any set of causes.
-pub(crate) struct Rewired {
-    /// Exchanges that make it of the plant file's, one after the other.
-    pub(crate) exchanges: Vec<Effect>,
-    pub(crate) probability: f64,
+/// What explains the data better than any set of causes.
+pub(crate) enum Rewired {
+    /// A wiring: exchanges that make it of the plant file's, one after the other, and its probability.
+    By(Vec<Effect>, f64),
+    /// That no command does anything.
+    Silent,
 }
 
-/// Columns b_ij of each block of the base, by command and then thruster; none of other blocks.
-type Actions = Vec<Vec<Vec<f64>>>;
-
-/// The wiring that the data ask for; `None` where a set of causes is as good.
+/// What explains the data better than any set of causes; `None` where a set is as good.
 pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError> {
     let (search, problem) = (&searched.search, searched.search.problem);
     let count = problem.plant.thrusters.len();
@@ -49,108 +47,120 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
     }
     let wanted = |c: usize, _: usize| search.chosen.contains(&c);
     let nominal = problem.linearized(&Center::default(), Slope::Secant, &wanted, None)?;
-    let actions = actions(problem, count)?;
-    let identity: Vec<usize> = (0..count).collect();
-    let mut best: (f64, Vec<usize>) = (f64::NEG_INFINITY, identity.clone());
+    let actions = Actions::new(problem, count)?;
+    let without = actions.wired(&nominal, &vec![None; count]);
+    let mut silent = f64::NEG_INFINITY;
+    let mut best: (f64, Vec<usize>) = (f64::NEG_INFINITY, (0..count).collect());
     for start in [searched.hyper.clone(), searched.points[0].hyper.clone(), medians(problem)] {
+        silent = silent.max(search.log_evidence(&without, &start).0);
         let mut hyper = start;
         for _ in 0..ROUNDS {
-            let wiring = most_likely(problem, &nominal, &actions, &hyper, count);
-            let linearized = wired(&nominal, &actions, &wiring, count);
-            hyper = search.optimized(&linearized, &[], &[], &hyper, 0.5, |_, _| true);
-            let Some(value) = search.log_evidence(&linearized, &hyper) else { break };
+            let wiring = actions.most_likely(problem, &without, &hyper);
+            let linearized = actions.wired(&nominal, &wiring.iter().map(|j| Some(*j)).collect::<Vec<_>>());
+            let (value, suited) = search.log_evidence(&linearized, &hyper);
             if value <= best.0 {
                 break;
             }
-            best = (value, wiring);
+            (best, hyper) = ((value, wiring), suited);
         }
     }
     let others: f64 = (2..=count).map(|k| (k as f64).ln()).sum();
-    let log_odds = best.0 + (REWIRED * SIZES[0]).ln() - others - searched.sets[0].0.log_posterior;
+    let prior = (REWIRED * SIZES[0]).ln();
+    let (wired, silent) = (best.0 + prior - others, silent + prior);
+    let log_odds = log_sum(&[wired, silent]) - searched.sets[0].0.log_posterior;
     let probability = 1.0 / (1.0 + (-log_odds).exp());
     let exchanges = exchanges(&best.1);
-    Ok((probability >= ASSERTED && !exchanges.is_empty()).then_some(Rewired { exchanges, probability }))
+    Ok(match (probability >= ASSERTED, silent > wired) {
+        (true, true) => Some(Rewired::Silent),
+        (true, false) if !exchanges.is_empty() => Some(Rewired::By(exchanges, probability)),
+        _ => None,
+    })
 }
 
 impl Search<'_> {
-    /// Logarithm of the marginal likelihood without causes, with the hyper-parameters' prior.
-    fn log_evidence(&self, linearized: &Linearized, hyper: &[f64]) -> Option<f64> {
-        let point = self.point(linearized, hyper, &self.parameters, &GramCache::default())?;
-        Some(point.posterior.of_set(&[])?.log_evidence + point.log_prior)
+    /// Logarithm of the marginal likelihood without causes at the hyper-parameters that suit it, with their prior, and these.
+    fn log_evidence(&self, linearized: &Linearized, start: &[f64]) -> (f64, Vec<f64>) {
+        let hyper = self.optimized(linearized, &[], &[], start, 0.5, |_, _| true);
+        let point = self.point(linearized, &hyper, &self.parameters, &GramCache::default());
+        let value = point.and_then(|point| Some(point.posterior.of_set(&[])?.log_evidence + point.log_prior));
+        (value.unwrap_or(f64::NEG_INFINITY), hyper)
     }
 }
 
-fn actions(problem: &Problem, count: usize) -> Result<Actions, ModelError> {
-    let first = problem.members.iter().map(|m| m.family).min();
-    let stuck = |j: usize| Effect::new("thruster_gain").ok().map(|e| e.at(j + 1).with(&[0.0]));
-    let own = |only: Option<usize>| (0..count).filter(move |j| Some(*j) != only).filter_map(stuck);
-    let effects = |only: Option<usize>| -> Vec<Effect> {
-        problem.plant.effects.iter().cloned().chain(own(only)).collect()
-    };
-    let of_member = |member: &crate::problem::Member| -> Result<Vec<Vec<f64>>, ModelError> {
-        if Some(member.family) != first {
-            return Ok(Vec::new());
-        }
-        let silent = member.block.predict(&problem.plant, &effects(None))?;
-        let action = |(i, j): (usize, usize)| {
-            let mut effects = effects(Some(j));
-            effects.extend((i != j).then(|| exchange(i, j)).flatten());
-            let there = member.block.predict(&problem.plant, &effects)?;
-            Ok(crate::problem::difference(&there, &silent, 1.0))
+/// What each command does through each thruster.
+struct Actions {
+    /// Columns b_ij of each block of the base, by command and then thruster; none of other blocks.
+    columns: Vec<Vec<Vec<f64>>>,
+    count: usize,
+}
+
+impl Actions {
+    fn new(problem: &Problem, count: usize) -> Result<Self, ModelError> {
+        let first = problem.members.iter().map(|m| m.family).min();
+        let stuck = |j: usize| Effect::new("thruster_gain").ok().map(|e| e.at(j + 1).with(&[0.0]));
+        let all_but = |only: Option<usize>| -> Vec<Effect> {
+            let silenced = (0..count).filter(|j| Some(*j) != only).filter_map(stuck);
+            problem.plant.effects.iter().cloned().chain(silenced).collect()
         };
-        (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).map(action).collect()
-    };
-    problem.members.par_iter().map(of_member).collect()
+        let of_member = |member: &Member| -> Result<Vec<Vec<f64>>, ModelError> {
+            if Some(member.family) != first {
+                return Ok(Vec::new());
+            }
+            let silent = member.block.predict(&problem.plant, &all_but(None))?;
+            let action = |(i, j): (usize, usize)| {
+                let exchange = (i != j).then(|| exchange(i, j)).flatten();
+                let effects: Vec<Effect> = all_but(Some(j)).into_iter().chain(exchange).collect();
+                Ok(difference(&member.block.predict(&problem.plant, &effects)?, &silent, 1.0))
+            };
+            (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).map(action).collect()
+        };
+        Ok(Self { columns: problem.members.par_iter().map(of_member).collect::<Result<_, _>>()?, count })
+    }
+
+    /// The data less what each command does through its thruster, instead of through that which the plant file says.
+    fn wired(&self, nominal: &Linearized, thrusters: &[Option<usize>]) -> Linearized {
+        let count = self.count;
+        let of_member = |(columns, actions): (&Vec<Vec<f64>>, &Vec<Vec<f64>>)| {
+            let mut columns = columns.clone();
+            for (i, thruster) in thrusters.iter().enumerate().filter(|(i, j)| **j != Some(*i) && !actions.is_empty()) {
+                let mut add =
+                    |by: f64, column: &[f64]| columns[0].iter_mut().zip(column).for_each(|(d, c)| *d += by * c);
+                add(1.0, &actions[i * count + i]);
+                if let Some(j) = thruster {
+                    add(-1.0, &actions[i * count + j]);
+                }
+            }
+            columns
+        };
+        let columns = nominal.columns.iter().zip(&self.columns).map(of_member).collect();
+        Linearized { columns, size: nominal.size.clone() }
+    }
+
+    /// The likeliest wiring at values of the hyper-parameters; `without` has the data without commands.
+    fn most_likely(&self, problem: &Problem, without: &Linearized, hyper: &[f64]) -> Vec<usize> {
+        let width = self.count * self.count + 1;
+        let of_member = |((member, columns), actions): ((&Member, &Vec<Vec<f64>>), &Vec<Vec<f64>>)| {
+            if actions.is_empty() {
+                return DMatrix::zeros(width, width);
+            }
+            let all: Vec<&[f64]> = std::iter::once(&columns[0]).chain(actions).map(Vec::as_slice).collect();
+            let mut white = Columns::of(&all);
+            member.block.whiten(problem.hyper_of(member, hyper), &mut white);
+            let rows = DMatrix::from_column_slice(white.width(), white.rows(), white.values());
+            &rows * rows.transpose()
+        };
+        let members: Vec<_> = problem.members.iter().zip(&without.columns).zip(&self.columns).collect();
+        // Summed in order, so that the answer does not hang on the threads.
+        let grams: Vec<DMatrix<f64>> = members.into_par_iter().map(of_member).collect();
+        let products = Products { gram: grams.into_iter().sum(), count: self.count };
+        let [a, b] = [(0..self.count).collect(), products.closest()].map(|start| products.improved(start));
+        if products.left(&b) < products.left(&a) { b } else { a }
+    }
 }
 
 /// The exchange of two lines, counted from 0.
 fn exchange(a: usize, b: usize) -> Option<Effect> {
     Some(Effect::new("valve_swap").ok()?.at(a.min(b) + 1).with(&[(a.max(b) + 1) as f64]))
-}
-
-/// The data of a wiring: those of the plant file's, less what its commands do otherwise.
-fn wired(nominal: &Linearized, actions: &Actions, wiring: &[usize], count: usize) -> Linearized {
-    let of_member = |(columns, actions): (&Vec<Vec<f64>>, &Vec<Vec<f64>>)| {
-        let mut columns = columns.clone();
-        for (i, j) in wiring.iter().enumerate().filter(|(i, j)| i != *j && !actions.is_empty()) {
-            let change = actions[i * count + i].iter().zip(&actions[i * count + j]);
-            columns[0].iter_mut().zip(change).for_each(|(data, (own, other))| *data += own - other);
-        }
-        columns
-    };
-    Linearized { columns: nominal.columns.iter().zip(actions).map(of_member).collect(), size: nominal.size.clone() }
-}
-
-/// The likeliest wiring at values of the hyper-parameters.
-fn most_likely(
-    problem: &Problem,
-    nominal: &Linearized,
-    actions: &Actions,
-    hyper: &[f64],
-    count: usize,
-) -> Vec<usize> {
-    let width = count * count + 1;
-    let of_member = |((member, columns), actions): ((&crate::problem::Member, &Vec<Vec<f64>>), &Vec<Vec<f64>>)| {
-        if actions.is_empty() {
-            return DMatrix::zeros(width, width);
-        }
-        let mut silent = columns[0].clone();
-        for i in 0..count {
-            silent.iter_mut().zip(&actions[i * count + i]).for_each(|(data, own)| *data += own);
-        }
-        let all: Vec<&[f64]> = std::iter::once(&silent).chain(actions).map(Vec::as_slice).collect();
-        let mut white = Columns::of(&all);
-        member.block.whiten(problem.hyper_of(member, hyper), &mut white);
-        let rows = DMatrix::from_column_slice(white.width(), white.rows(), white.values());
-        &rows * rows.transpose()
-    };
-    let members: Vec<_> = problem.members.iter().zip(&nominal.columns).zip(actions).collect();
-    let gram = members.into_par_iter().map(of_member).reduce(|| DMatrix::zeros(width, width), |a, b| a + b);
-    let products = Products { gram, count };
-    let starts = [(0..count).collect(), products.closest()];
-    let improved = starts.map(|start| products.improved(start));
-    let [a, b] = improved;
-    if products.left(&b) < products.left(&a) { b } else { a }
 }
 
 /// Products of the whitened columns: the data without commands, then b_ij by command and thruster.
@@ -235,7 +245,8 @@ mod tests {
     fn products(wiring: &[usize]) -> Products {
         let count = wiring.len();
         let size = count * count;
-        let column = |k: usize| DVector::from_fn(size, |i, _| f64::from(u8::from(i == k)) + 0.1 * ((i * k) as f64).sin());
+        let column =
+            |k: usize| DVector::from_fn(size, |i, _| f64::from(u8::from(i == k)) + 0.1 * ((i * k) as f64).sin());
         let columns: Vec<DVector<f64>> = (0..size).map(column).collect();
         let data: DVector<f64> = wiring.iter().enumerate().map(|(i, j)| &columns[i * count + j]).sum();
         let all: Vec<DVector<f64>> = std::iter::once(data).chain(columns).collect();
