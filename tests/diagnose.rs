@@ -88,26 +88,73 @@ fn a_weak_thruster_hidden_by_another_engine_is_found_and_the_extended_model_pred
     assert!(gain("ratio_after") < gain("ratio_before"), "{} -> {}", gain("ratio_before"), gain("ratio_after"));
 }
 
-/// The engine of marginal likelihoods, on the same runs and on vehicles that it was not made with.
+/// Rewrites the rows of a run's valves, each a time and the levels of all.
+fn rewrite_valves(run: &Path, rewrite: impl Fn(Vec<(f64, Vec<String>)>) -> Vec<(f64, Vec<String>)>) {
+    let file = run.join("valves.csv");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let row = |row: &str| {
+        let mut fields = row.split(',').map(str::to_owned);
+        (fields.next().unwrap().parse().unwrap(), fields.collect())
+    };
+    let rows = rewrite(rows.lines().map(row).collect());
+    let rows: Vec<String> = rows.into_iter().map(|(t_s, levels)| format!("{t_s},{}", levels.join(","))).collect();
+    std::fs::write(file, format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+}
+
+const THRUSTER_RUNS: [&str; 3] = ["run-4-thrusters", "run-5-mixed", "run-6-validation"];
+
 #[test]
-fn shuffled_commands_get_no_confident_wrong_name() {
+fn commands_shuffled_in_one_run_get_no_confident_wrong_name() {
     // The valves of one run under the motion of another: no cause can be true of these data.
     let case = tempfile::tempdir().unwrap();
     copy(&data("dev-thruster"), case.path());
-    let commands = case.path().join("run-4-thrusters/valves.csv");
-    let text = std::fs::read_to_string(&commands).unwrap();
-    let (header, rows) = text.split_once('\n').unwrap();
-    let reversed: Vec<String> = rows
-        .lines()
-        .map(|row| {
-            let (time, valves) = row.split_once(',').unwrap();
-            let turned: Vec<&str> = valves.split(',').rev().collect();
-            format!("{time},{}", turned.join(","))
-        })
-        .collect();
-    std::fs::write(&commands, format!("{header}\n{}\n", reversed.join("\n"))).unwrap();
+    let reversed = |(t_s, levels): (f64, Vec<String>)| (t_s, levels.into_iter().rev().collect());
+    rewrite_valves(&case.path().join("run-4-thrusters"), |rows| rows.into_iter().map(reversed).collect());
     let diagnosis = diagnose(case.path());
     assert!(diagnosis["verdict"] == "unexplained" || diagnosis["verdict"] == "partly_explained", "{diagnosis}");
+}
+
+#[test]
+fn a_harness_plugged_in_anyhow_is_told_line_by_line_and_hides_no_weak_thruster() {
+    let case = tempfile::tempdir().unwrap();
+    copy(&data("dev-thruster"), case.path());
+    // What opened thruster WIRED[i] is now called command i.
+    const WIRED: [usize; 8] = [3, 6, 1, 5, 7, 0, 4, 2];
+    let renamed = |(t_s, levels): (f64, Vec<String>)| (t_s, WIRED.map(|j| levels[j].clone()).to_vec());
+    for run in THRUSTER_RUNS {
+        rewrite_valves(&case.path().join(run), |rows| rows.into_iter().map(renamed).collect());
+    }
+    let diagnosis = diagnose(case.path());
+    let mut lines: Vec<usize> = (0..8).collect();
+    let (exchanges, rest): (Vec<&Value>, Vec<&Value>) =
+        diagnosis["causes"].as_array().unwrap().iter().partition(|cause| cause["effect"] == "valve_swap");
+    for exchange in exchanges {
+        let other = exchange["parameters"]["other_index"]["value"].as_f64().unwrap();
+        lines.swap(exchange["index"].as_u64().unwrap() as usize - 1, other as usize - 1);
+    }
+    assert_eq!(WIRED.map(|j| lines[j]), [0, 1, 2, 3, 4, 5, 6, 7], "{}", diagnosis["causes"]);
+    assert!(matches!(rest[..], [one] if one["effect"] == "thruster_gain" && one["index"] == 3), "{rest:?}");
+    assert_within(&rest[0]["parameters"]["scale"]["value"], 0.72, 0.02);
+}
+
+#[test]
+fn commands_of_another_time_are_told_as_such_and_nothing_is_asserted() {
+    let case = tempfile::tempdir().unwrap();
+    copy(&data("dev-thruster"), case.path());
+    for run in THRUSTER_RUNS {
+        rewrite_valves(&case.path().join(run), |rows| {
+            let until_s = rows.last().unwrap().0;
+            let mut moved: Vec<_> = rows.into_iter().map(|(t_s, levels)| ((t_s + 11.0) % until_s, levels)).collect();
+            moved.sort_by(|a, b| a.0.total_cmp(&b.0));
+            moved.dedup_by(|a, b| a.0 == b.0);
+            moved
+        });
+    }
+    let diagnosis = diagnose(case.path());
+    assert_eq!(diagnosis["verdict"], "unexplained");
+    assert_eq!(diagnosis["causes"], Value::Array(vec![]));
+    assert!(diagnosis["remarks"][0].as_str().unwrap().contains("no command of a thruster shows"), "{diagnosis}");
 }
 
 #[test]

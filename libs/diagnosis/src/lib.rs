@@ -86,10 +86,11 @@ enum Wiring {
 /// The answer from records that hold nothing but measurements.
 fn answer(
     plant: &Plant,
-    (runs, validation): (&[Run], &[Run]),
+    records: (&[Run], &[Run]),
     wiring: Wiring,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
+    let (runs, validation) = records;
     let problem = Problem::new(plant, runs)?;
     let judged_on = Problem::new(plant, validation)?.with_noise_of(&problem);
     if problem.is_empty() {
@@ -99,50 +100,29 @@ fn answer(
     say("measuring the gain");
     let scores = scores::scores(&searched, Some(&judged_on))?;
     let mut concluded = conclude::conclude(&problem, &searched, &scores);
+    let misfits = |plant: &Plant| Misfits::new((&problem, runs), (&judged_on, validation), plant, &searched.hyper);
+    let before = misfits(&problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]))?;
     let mut remarks = Vec::new();
-    let silent = concluded.verdict.leaves_something() && commands_do_nothing(plant, &concluded.causes);
-    if silent {
-        remarks.push(NO_COMMAND_SHOWS.to_owned());
-        concluded.assert_nothing();
-    }
-    let settled_null = problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]);
-    let told = |problem: &Problem, runs: &[Run], plant: &Plant| problem.misfit(runs, plant, &searched.hyper);
-    let before = told(&problem, runs, &settled_null)?;
-    let validation_before = told(&judged_on, validation, &settled_null)?;
-    let judged = |v: &[ChannelMisfit], f: &[ChannelMisfit]| misfit::overall(if v.is_empty() { f } else { v });
-    let gain_before = judged(&validation_before, &before);
-    if wiring == Wiring::OfFile && !silent && concluded.verdict.leaves_something() {
+    if concluded.verdict.leaves_something() {
         say("asking for another wiring");
-        match search::rewired(&searched)? {
+        let found = if wiring == Wiring::OfFile { search::rewired(&searched)? } else { None };
+        match found {
             Some(Rewired::By(exchanges, probability)) => {
-                let mut wired = plant.clone();
-                wired.effects.extend(exchanges.iter().cloned());
-                let mut answer = answer(&wired, (runs, validation), Wiring::Found, say)?;
-                let causes = exchanges.into_iter().map(|effect| Cause::certain(effect, probability));
-                answer.causes.splice(0..0, causes);
-                answer.verdict = answer.verdict.with_causes();
-                let gain = Gain { before: gain_before, ..answer.gain };
-                return Ok(Diagnosis { before, validation_before, gain, probability_of_none: 0.0, ..answer });
+                return rewired(plant, records, (exchanges, probability), before, say);
             }
-            Some(Rewired::Silent) => {
+            None if !commands_do_nothing(plant, &concluded.causes) => {}
+            Some(Rewired::Silent) | None => {
                 remarks.push(NO_COMMAND_SHOWS.to_owned());
                 concluded.assert_nothing();
             }
-            None => {}
         }
     }
     say("asking for single pulses");
     let mut missing_pulses = pulses::missing_pulses(&searched, &problem, runs)?;
     missing_pulses.extend(pulses::missing_pulses(&searched, &judged_on, validation)?);
     let means = searched.uncertain_means();
-    let mut extended = problem.settled(&means);
-    let effects: Vec<_> =
-        concluded.causes.iter().map(|c| c.effect.clone()).chain(concluded.laws.iter().cloned()).collect();
-    extended.effects.retain(|e| !effects.iter().any(|n| problem::is_same(n, e)));
-    extended.effects.extend(effects);
-    let after = told(&problem, runs, &extended)?;
-    let validation_after = told(&judged_on, validation, &extended)?;
-    let gain = Gain { before: gain_before, after: judged(&validation_after, &after) };
+    let extended = with(problem.settled(&means), &concluded);
+    let after = misfits(&extended)?;
     let names = problem.uncertain.iter().map(|u| u.name.clone());
     Ok(Diagnosis {
         remarks,
@@ -156,14 +136,65 @@ fn answer(
         discrepancy: concluded.discrepancy,
         remainder: None,
         run_to_run: searched.hyper.last().copied().unwrap_or(0.0),
-        before,
-        after,
-        validation_before,
-        validation_after,
-        gain,
+        gain: Gain { before: before.overall(), after: after.overall() },
+        before: before.fitted,
+        after: after.fitted,
+        validation_before: before.validation,
+        validation_after: after.validation,
         settled: names.zip(means).collect(),
         extended,
     })
+}
+
+/// The answer where the thrusters are wired in another way, by exchanges of lines, than in the plant file.
+fn rewired(
+    plant: &Plant,
+    records: (&[Run], &[Run]),
+    (exchanges, probability): (Vec<Effect>, f64),
+    before: Misfits,
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
+    let mut wired = plant.clone();
+    wired.effects.extend(exchanges.iter().cloned());
+    let mut answer = answer(&wired, records, Wiring::Found, say)?;
+    let causes = exchanges.into_iter().map(|effect| Cause::certain(effect, probability));
+    answer.causes.splice(0..0, causes);
+    answer.verdict = answer.verdict.with_causes();
+    answer.gain.before = before.overall();
+    let (before, validation_before) = (before.fitted, before.validation);
+    Ok(Diagnosis { before, validation_before, probability_of_none: 0.0, ..answer })
+}
+
+/// The plant with what was concluded.
+fn with(mut plant: Plant, concluded: &conclude::Concluded) -> Plant {
+    let causes = concluded.causes.iter().map(|c| c.effect.clone());
+    let effects: Vec<_> = causes.chain(concluded.laws.iter().cloned()).collect();
+    plant.effects.retain(|e| !effects.iter().any(|n| problem::is_same(n, e)));
+    plant.effects.extend(effects);
+    plant
+}
+
+/// Misfit of all runs under a plant.
+struct Misfits {
+    fitted: Vec<ChannelMisfit>,
+    validation: Vec<ChannelMisfit>,
+}
+
+impl Misfits {
+    fn new(
+        (problem, runs): (&Problem, &[Run]),
+        (judged_on, validation): (&Problem, &[Run]),
+        plant: &Plant,
+        hyper: &[f64],
+    ) -> Result<Self, ModelError> {
+        let (fitted, validation) = (problem.misfit(runs, plant, hyper)?, judged_on.misfit(validation, plant, hyper)?);
+        Ok(Self { fitted, validation })
+    }
+
+    /// Of the validation runs; of the fitted ones where there are none.
+    fn overall(&self) -> f64 {
+        misfit::overall(if self.validation.is_empty() { &self.fitted } else { &self.validation })
+    }
 }
 
 fn nothing_to_say(plant: &Plant) -> Diagnosis {

@@ -87,10 +87,13 @@ impl Search<'_> {
     }
 }
 
+/// A column of a block.
+type Column = Vec<f64>;
+
 /// What each command does through each thruster.
 struct Actions {
     /// Columns b_ij of each block of the base, by command and then thruster; none of other blocks.
-    columns: Vec<Vec<Vec<f64>>>,
+    columns: Vec<Vec<Column>>,
     count: usize,
 }
 
@@ -102,7 +105,7 @@ impl Actions {
             let silenced = (0..count).filter(|j| Some(*j) != only).filter_map(stuck);
             problem.plant.effects.iter().cloned().chain(silenced).collect()
         };
-        let of_member = |member: &Member| -> Result<Vec<Vec<f64>>, ModelError> {
+        let of_member = |member: &Member| -> Result<Vec<Column>, ModelError> {
             if Some(member.family) != first {
                 return Ok(Vec::new());
             }
@@ -120,7 +123,7 @@ impl Actions {
     /// The data less what each command does through its thruster, instead of through that which the plant file says.
     fn wired(&self, nominal: &Linearized, thrusters: &[Option<usize>]) -> Linearized {
         let count = self.count;
-        let of_member = |(columns, actions): (&Vec<Vec<f64>>, &Vec<Vec<f64>>)| {
+        let of_member = |(columns, actions): (&Vec<Column>, &Vec<Column>)| {
             let mut columns = columns.clone();
             for (i, thruster) in thrusters.iter().enumerate().filter(|(i, j)| **j != Some(*i) && !actions.is_empty()) {
                 let mut add =
@@ -139,7 +142,7 @@ impl Actions {
     /// The likeliest wiring at values of the hyper-parameters; `without` has the data without commands.
     fn most_likely(&self, problem: &Problem, without: &Linearized, hyper: &[f64]) -> Vec<usize> {
         let width = self.count * self.count + 1;
-        let of_member = |((member, columns), actions): ((&Member, &Vec<Vec<f64>>), &Vec<Vec<f64>>)| {
+        let of_member = |((member, columns), actions): ((&Member, &Vec<Column>), &Vec<Column>)| {
             if actions.is_empty() {
                 return DMatrix::zeros(width, width);
             }
