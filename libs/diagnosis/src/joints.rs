@@ -118,7 +118,7 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let told = (path.reference.as_ref(), servos.commands.as_ref());
     let mut nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
     if let Some(anchors) = &anchors {
-        linearize::by_eccentricity(&path, &rows, anchors, &mut nominal.model.slopes);
+        linearize::add_rotors_and_encoders(&path, &rows, anchors, &mut nominal.model.slopes);
     }
     let mut block =
         JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, servos));

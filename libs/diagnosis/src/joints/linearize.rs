@@ -282,10 +282,15 @@ fn by_rotor(anchor: &Anchor, i: usize) -> f64 {
     anchor.unit[i] * ROTOR_SHARE * anchor.inertia[(i, i)] * anchor.acceleration[i]
 }
 
-/// What drives' rows depend on encoders' errors once a turn by, where the motion follows from the torques. An encoder with the error
-/// e reads the acceleration (1 + e') a of a link; of the part of a that no torque explains this is none of the error's doing. Without
-/// these slopes an error would explain what is left of the torques by making it smaller.
-pub(super) fn by_eccentricity(path: &MeasuredPath, rows: &[Row], anchors: &[Option<Anchor>], slopes: &mut [Slopes]) {
+/// Adds what drives' rows depend on rotors and on encoders' errors once a turn by, where the motion follows from the torques. An
+/// encoder with the error e reads the acceleration (1 + e') a of a link; of the part of a that no torque explains this is none of the
+/// error's doing. Without these slopes an error would explain what is left of the torques by making it smaller.
+pub(super) fn add_rotors_and_encoders(
+    path: &MeasuredPath,
+    rows: &[Row],
+    anchors: &[Option<Anchor>],
+    slopes: &mut [Slopes],
+) {
     let links = path.joints.len();
     for (moment, anchor) in moments(rows).into_iter().zip(anchors) {
         let Some(anchor) = anchor else { continue };
