@@ -39,6 +39,7 @@ install -m 644 "$target/libfss.so" "$here/fss/libfss.so"
 strip --strip-debug "$here"/data/scripts/* "$here"/fss/libfss.so 2> /dev/null || true
 cd "$here"
 features=$([ $profile = dev ] && echo "--features as-tested" || true)
+module=$([ $profile = release ] && echo module || echo $profile)
 # shellcheck disable=SC2086
-maturin build --profile $profile $features --strip --out "$out"
+maturin build --profile "$module" $features --strip --out "$out"
 ls -l "$out"/fss-*.whl
