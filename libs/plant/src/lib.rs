@@ -7,6 +7,7 @@
 //! - [`Simulation`] lets it move: commands in, time forward, [`Truth`] out.
 //! - [`Rollout`] is the base alone, fast, under recorded joints and thrusters, for identification.
 //! - [`Instruments`] are the sensors: what they say about the truth.
+//! - [`scene::Scene`] and [`urdf`] are what viewers draw: shapes from above, and a robot description.
 //!
 //! ```
 //! use fss_plant::{Effect, JointCommand, Plant, Simulation};
@@ -41,6 +42,7 @@ mod power;
 mod prior;
 mod rollout;
 mod room;
+pub mod scene;
 mod servo;
 mod simulation;
 mod target;

@@ -2,8 +2,8 @@
 //!
 //! One process beside the flight serves every topic of the stack over the Foxglove WebSocket protocol, raw: the bytes in
 //! shared memory, with the schemas that the log has. To that it adds what three-dimensional views want: `/tf`,
-//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`fss_plant::urdf`]) and `/scene` (table,
-//! plumes, target).
+//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`fss_plant::urdf`]) and `/scene` (what
+//! else stands on the table, [`fss_plant::scene`]).
 //!
 //! Where it is told to take commands ([`GroundConfig::commands`], on the loopback only), viewers tune parameters within their
 //! bounds ([`fss_messages::parameter`]) and abort the mission; each such word is an event, a sample and so in the log.
@@ -14,6 +14,7 @@
 //! slow client does not fetch is dropped from that client's own bounded queue, counted and said.
 
 mod channels;
+mod decorations;
 mod downlink;
 mod frame;
 mod frames;
@@ -21,7 +22,7 @@ mod gate;
 mod metrics;
 mod origin;
 mod outbox;
-mod scene;
+
 mod server;
 mod topics;
 mod uplink;
@@ -31,13 +32,14 @@ pub use server::{GroundConfig, GroundError};
 pub use topics::AllTopics;
 
 use channels::Channels;
+use decorations::Decorations;
 use downlink::Downlink;
 use frames::Frames;
 use fss_bus::{Bus, BusError, Output, OutputPort, Service, Time, outputs};
 use fss_messages::{Event, MissionCommand, Parameters, topic};
 use fss_plant::Plant;
 use metrics::Metrics;
-use scene::Scene;
+
 use server::Server;
 use uplink::{Outlets, Uplink};
 
@@ -76,7 +78,7 @@ impl OutputPort for Lost {
 pub struct Ground {
     downlink: Downlink,
     frames: Frames,
-    scene: Scene,
+    decorations: Decorations,
     uplink: Uplink,
     server: Server,
     metrics: Metrics,
@@ -93,12 +95,12 @@ impl Ground {
         let mut channels = Channels::default();
         let downlink = Downlink::new(&mut channels, bus);
         let frames = Frames::new(&mut channels, plant, bus);
-        let scene = Scene::new(&mut channels, plant, bus);
+        let decorations = Decorations::new(&mut channels, plant, bus);
         let uplink = Uplink::new(config.commands, bus);
         let server = Server::start(config, channels, uplink.desk())?;
         let what = if config.commands { "and takes commands" } else { "and only shows" };
         let address = Some(format!("listens at {}:{} {what}", config.listen.ip(), server.port()));
-        Ok(Self { downlink, frames, scene, uplink, server, metrics: Metrics::default(), address })
+        Ok(Self { downlink, frames, decorations, uplink, server, metrics: Metrics::default(), address })
     }
 
     /// Says goodbye to the clients.
@@ -116,7 +118,7 @@ impl Service for Ground {
     fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
         self.downlink.send(inputs, &self.server);
         self.frames.send(now, inputs, &self.server);
-        self.scene.send(now, inputs, &self.server);
+        self.decorations.send(now, inputs, &self.server);
         if let Some(text) = self.metrics.learn(now, inputs) {
             self.server.set_metrics(text);
         }

@@ -1,14 +1,15 @@
 //! The running stack: samples from the bus, 30 times a second, to whoever looks.
 
-use super::frame::{EventRow, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Scene, mask};
+use super::frame::{EventRow, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Stage};
 use super::server::Stream;
 use crate::top::{folder_of, only_stack};
 use clap::Args;
 use fss_bus::{Batch, Bus, InputPort, Latest, RawBatch, RawTopic, SharedConfig, Time, realtime};
 use fss_launcher::stack::Stack;
 use fss_messages::{
-    Event, Header, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic,
+    ArmCommand, Event, Header, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic,
 };
+use fss_plant::scene::mask;
 use fss_service::topics_of;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
@@ -31,6 +32,7 @@ const PERIOD_NS: u64 = 33_333_333;
 struct Ports {
     truth: Latest<TruthState>,
     nav: Latest<NavState>,
+    arm: Latest<ArmCommand>,
     links: Latest<LinksState>,
     mission: Latest<MissionState>,
     target: Batch<MocapPose>,
@@ -67,7 +69,7 @@ impl Other {
 
 /// A reader beside a flying stack.
 pub(super) struct Watch {
-    scene: Scene,
+    stage: Stage,
     ports: Ports,
     /// The target as it was last seen.
     seen: Option<MocapPose>,
@@ -80,6 +82,7 @@ impl Ports {
         Ok(Self {
             truth: Latest::open(bus, topic::TRUTH_STATE).into_diagnostic()?,
             nav: Latest::open(bus, topic::NAV_STATE).into_diagnostic()?,
+            arm: Latest::open(bus, topic::ARM_COMMAND).into_diagnostic()?,
             links: Latest::open(bus, topic::LINKS_STATE).into_diagnostic()?,
             mission: Latest::open(bus, topic::MISSION_STATE).into_diagnostic()?,
             target: Batch::open(bus, topic::MOCAP_TARGET).into_diagnostic()?,
@@ -93,6 +96,7 @@ impl Ports {
     fn refresh(&mut self) {
         self.truth.refresh();
         self.nav.refresh();
+        self.arm.refresh();
         self.links.refresh();
         self.mission.refresh();
         self.target.refresh();
@@ -118,12 +122,15 @@ impl Watch {
         let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
         let bus = bus.with_program_topics(topics_of(&stack.programs)?);
         let ports = Ports::open(&bus)?;
-        Ok(Self { scene: Scene::of(stack)?, ports, seen: None, _bus: bus })
+        Ok(Self { stage: Stage::of(stack)?, ports, seen: None, _bus: bus })
     }
 
     /// What does not change, as the page wants it.
-    pub(super) fn scene_json(&self) -> String {
-        self.scene.json(true)
+    ///
+    /// # Errors
+    /// As [`Stage::json`].
+    pub(super) fn scene_json(&self) -> Result<String> {
+        self.stage.json(true)
     }
 
     /// Reads and tells, for ever.
@@ -154,12 +161,13 @@ impl Watch {
             let samples = Samples {
                 truth: ports.truth.get(),
                 nav: ports.nav.get(),
+                arm: ports.arm.get(),
                 links: ports.links.get(),
                 mission: ports.mission.get(),
                 target: self.seen.as_ref(),
-                fired: ports.valves.samples().iter().fold(0, |all, state| all | mask(&state.valves)),
+                pushing: ports.valves.samples().iter().fold(0, |all, state| all | mask(&state.valves)),
             };
-            if let Some(frame) = self.scene.frame(seconds(stamp_ns), &samples) {
+            if let Some(frame) = self.stage.frame(seconds(stamp_ns), &samples) {
                 say(stream, "frame", &frame)?;
             }
         }
