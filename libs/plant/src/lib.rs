@@ -22,6 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod about;
 mod advance;
 mod check;
 mod contact;
@@ -40,6 +41,7 @@ mod parts;
 mod physics;
 mod power;
 mod prior;
+mod reader;
 mod rollout;
 mod room;
 pub mod scene;
@@ -57,7 +59,7 @@ pub use contact::GraspError;
 pub use docs::effects_table_markdown;
 pub use effect::{Effect, EffectError};
 pub use error::PlantError;
-pub use file::{DEFAULT_PLANT, Plant};
+pub use file::Plant;
 pub use friction::Friction;
 pub use instruments::{Instruments, LinkSample};
 pub use kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
@@ -67,6 +69,7 @@ pub use physics::{
     SupplyPhysics, ThrusterPhysics,
 };
 pub use prior::{Prior, Response, SLAB_WIDTHS};
+pub use reader::DEFAULT_PLANT;
 pub use rollout::{BaseSample, Grid, JointSample, Pulse, Rollout, ValveHistory};
 pub use servo::JointCommand;
 pub use simulation::{INTERNAL_STEP_S, Simulation};

@@ -2,8 +2,8 @@
 
 use crate::channels::{Channel, Channels};
 use crate::frames::{TARGET, vehicle_prefix};
-use crate::server::Server;
 use crate::topics::AllTopics;
+use crate::viewers::Viewers;
 use foxglove::Encode;
 use foxglove::messages::{
     Color, Duration, LinePrimitive, Point3, SceneEntity, SceneUpdate, Timestamp, TriangleListPrimitive, line_primitive,
@@ -55,7 +55,7 @@ impl Decorations {
     }
 
     /// Sends a picture where it is time for one.
-    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, server: &Server) {
+    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, viewers: &Viewers) {
         let states = inputs.samples(topic::THRUSTERS_STATE);
         self.pushed = states.iter().fold(self.pushed, |all, state| all | mask(&state.valves));
         self.goal = inputs.samples(topic::ARM_COMMAND).last().map_or(self.goal, |command| command.ee_goal);
@@ -87,7 +87,7 @@ impl Decorations {
         let mut picture = Vec::new();
         // Encoding to memory does not fail.
         let _ = SceneUpdate { deletions: Vec::new(), entities }.encode(&mut picture);
-        server.send(self.channel, now.ns(), &picture);
+        viewers.send(self.channel, now.ns(), &picture);
     }
 }
 
