@@ -187,6 +187,8 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
     let frames = text(&viewer.of(2).collect::<Vec<_>>().concat());
     assert!(["map", "base", "link_4", "end_effector"].iter().all(|name| frames.contains(name)));
     assert!(text(viewer.of(3).next().unwrap()).contains("<robot name=\"fss\">"));
+    let scene = text(&viewer.of(4).collect::<Vec<_>>().concat());
+    assert!(["table", "base", "plumes", "goal"].iter().all(|id| scene.contains(id)), "what stands on the table");
     layouts_name_what_there_is(&viewer.channels);
     drop(viewer);
 

@@ -26,6 +26,7 @@ from rosidl_adapter.msg import convert_msg_to_idl
 from rosidl_generator_type_description import generate_type_hash
 from zenoh_ros2_sdk import ROS2Publisher, get_topic_names_and_types
 
+ROOT = pathlib.Path(__file__).parent.parent
 PORT = 54900
 FLOWN = ["/nav/state", "/links/state", "/mission/state", "/mocap/base", "/gyro", "/thrusters/state", "/health", "/truth/state"]
 OTHERS = ["/mocap/end_effector", "/mocap/target", "/links/telemetry", "/arm/command", "/base/command", "/thrusters/command",
@@ -55,8 +56,7 @@ def official_hashes(package):
 
 def launch(shared, more=""):
     """The laboratory's launch file with nodes that see these topics."""
-    root = pathlib.Path(__file__).parent.parent
-    text = (root / "deploy/etc/launch/lab.toml").read_text().replace("51001", "54910").replace("5110", "5492")
+    text = (ROOT / "deploy/etc/launch/lab.toml").read_text().replace("51001", "54910").replace("5110", "5492")
     head = f'[ros2]\nlisten = ["127.0.0.1:{PORT}"]\nshare = {shared}\n{more}\n'.replace("'", '"')
     table = '\n[[service]]\nname = "bridge"\nrate_hz = 50\nphase_us = 4500\n'
     place = text.index("[devices]")
@@ -158,16 +158,6 @@ type = 'sensor_msgs/msg/JointState'
 max_rate_hz = 100
 q_deg = [-70, 70]
 """
-MISSION = """
-name = "led"
-[initial]
-q_deg = [-30, 60, -60, 30]
-x_m = -0.6
-[[phase]]
-duration_s = 24
-base = { goal = "follow" }
-arm = { goal = "follow" }
-"""
 
 
 def lead(fss):
@@ -183,7 +173,7 @@ def lead(fss):
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         (folder / "launch.toml").write_text(launch(["/nav/state"], RECEIVE))
-        (folder / "led.toml").write_text(MISSION)
+        (folder / "led.toml").write_text((ROOT / "deploy/etc/missions/follow.toml").read_text().replace("= 600", "= 24"))
         run = subprocess.Popen([fss, "run", folder / "led.toml", "--quiet", "--launch", folder / "launch.toml", "--out", folder / "out"])
         time.sleep(6)
         q = [-0.45, 0.95, -1.0, 0.6]

@@ -34,16 +34,7 @@ fn topics_that_nobody_publishes_and_a_bridge_that_is_not_launched_are_refused() 
 }
 
 const PORT: u16 = 54_930;
-const MISSION: &str = r#"name = "led"
-[initial]
-q_deg = [-30, 60, -60, 30]
-x_m = -0.6
-[[phase]]
-name = "led"
-duration_s = 32
-base = { goal = "follow" }
-arm = { goal = "follow" }
-"#;
+const MISSION: &str = include_str!("../deploy/etc/missions/follow.toml");
 
 fn launch() -> String {
     let ros2 = format!(
@@ -180,7 +171,7 @@ impl Drop for Flight {
 
 fn start(folder: &Path) -> Flight {
     std::fs::write(folder.join("launch.toml"), launch()).unwrap();
-    std::fs::write(folder.join("led.toml"), MISSION).unwrap();
+    std::fs::write(folder.join("led.toml"), MISSION.replace("= 600", "= 32")).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_fss"));
     command.args(["run", "led.toml", "--quiet", "--launch", "launch.toml", "--out", "out"]).current_dir(folder);
     Flight(command.stdout(Stdio::null()).spawn().unwrap())

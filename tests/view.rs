@@ -99,7 +99,9 @@ fn a_log_is_served_to_this_computer_alone() {
         assert!(!view.get(file).contains("http"), "{file}");
     }
     let scene: Value = serde_json::from_str(&view.get("/scene.json")).unwrap();
-    assert_eq!((&scene["live"], &scene["title"], &scene["links"]), (&false.into(), &"slew".into(), &4.into()));
+    assert_eq!((&scene["live"], &scene["title"]), (&false.into(), &"slew".into()));
+    assert_eq!(["links", "plumes", "target"].map(|of| scene[of].as_array().unwrap().len()), [4, 8, 0]);
+    assert_eq!(scene["table"]["corners_m"], serde_json::json!([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]]));
 
     let flight: Value = serde_json::from_str(&view.get("/flight.json")).unwrap();
     let summary = json(&folder.path().join("out/summary.json"));
@@ -112,7 +114,7 @@ fn a_log_is_served_to_this_computer_alone() {
     let used = number(&last["gas"]) - number(&summary["gas_used_kg"]);
     assert!(used.abs() < 1e-5, "gas differs by {used} kg");
     // Whatever opened for however short a time is seen in some frame.
-    let fired = frames.iter().fold(0, |all, frame| all | frame["fired"].as_u64().unwrap());
+    let fired = frames.iter().fold(0, |all, frame| all | frame["pushing"].as_u64().unwrap());
     assert!(fired.count_ones() >= 4, "a slew needs two pairs of thrusters: {fired:#b}");
     assert!(frames.iter().any(|frame| frame["phase"] == "turn" || frame["phase"] == "slew"), "phases have their names");
 
@@ -193,7 +195,7 @@ fn a_running_stack_is_shown_as_it_flies() {
     let apart = |frame: &Value, i: usize| number(&frame["base"][i]) - number(&frame["believed"][i]);
     let last = &frames[frames.len() - 1];
     assert!(apart(last, 0).hypot(apart(last, 1)) < 0.01, "truth and estimate are shown together: {last}");
-    assert_eq!(last["joints"].as_array().unwrap().len(), 5);
+    assert_eq!(last["arm"].as_array().unwrap().len(), 5);
     drop(view);
     // The view was one reader more: nobody was restarted for it, and nothing was lost.
     let summary = json(&out.join("summary.json"));

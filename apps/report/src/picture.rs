@@ -17,7 +17,7 @@ const POSTURES: usize = 6;
 pub(crate) fn render(table: &Table, title: &str, truth: &[TruthState], arm: &[ArmCommand]) -> Option<String> {
     let (first, last) = (truth.first()?, truth.last()?);
     let start_ns = first.stamp_ns;
-    let moments: Vec<_> = truth.iter().map(|t| Moment::of_truth(t, start_ns, table.target.is_some())).collect();
+    let moments: Vec<_> = truth.iter().map(|t| Moment::of_truth(t, start_ns, table, arm)).collect();
     let instants: Vec<_> = (0..POSTURES).map(|k| (truth.len() - 1) * k / (POSTURES - 1)).collect();
     let above = from_above(table, &moments, &instants, VIEW, Cut::Square);
     let size = above.outer_size();

@@ -2,7 +2,7 @@
 
 use crate::values;
 use clap::Args;
-use fss_bus::{Batch, Bus, InputPort, Latest, RawBatch, RawTopic, SharedConfig, Time, realtime};
+use fss_bus::{Batch, Bus, InputPorts, Latest, RawBatch, RawTopic, SharedConfig, Time, inputs, realtime};
 use fss_launcher::stack::Stack;
 use fss_messages::{Event, Header, Health, LinksState, MissionState, NavState, ThrustersState, text_of, topic};
 use fss_service::{read_programs, topics_of};
@@ -176,14 +176,20 @@ impl GuestTopic {
     }
 }
 
+inputs! {
+    struct Ports {
+        health: Batch<Health> = topic::HEALTH,
+        events: Batch<Event> = topic::EVENTS,
+        mission: Latest<MissionState> = topic::MISSION_STATE,
+        nav: Latest<NavState> = topic::NAV_STATE,
+        links: Latest<LinksState> = topic::LINKS_STATE,
+        thrusters: Latest<ThrustersState> = topic::THRUSTERS_STATE,
+    }
+}
+
 /// What is shown.
 struct View {
-    health: Batch<Health>,
-    events: Batch<Event>,
-    mission: Latest<MissionState>,
-    nav: Latest<NavState>,
-    links: Latest<LinksState>,
-    thrusters: Latest<ThrustersState>,
+    ports: Ports,
     guests: Vec<GuestTopic>,
     services: BTreeMap<String, Health>,
     said: VecDeque<Event>,
@@ -192,12 +198,7 @@ struct View {
 impl View {
     fn open(bus: &Bus) -> Result<Self> {
         Ok(Self {
-            health: Batch::open(bus, topic::HEALTH).into_diagnostic()?,
-            events: Batch::open(bus, topic::EVENTS).into_diagnostic()?,
-            mission: Latest::open(bus, topic::MISSION_STATE).into_diagnostic()?,
-            nav: Latest::open(bus, topic::NAV_STATE).into_diagnostic()?,
-            links: Latest::open(bus, topic::LINKS_STATE).into_diagnostic()?,
-            thrusters: Latest::open(bus, topic::THRUSTERS_STATE).into_diagnostic()?,
+            ports: Ports::open(bus).into_diagnostic()?,
             guests: bus.program_topics().iter().map(|topic| GuestTopic::open(bus, topic)).collect::<Result<_>>()?,
             services: BTreeMap::new(),
             said: VecDeque::new(),
@@ -205,17 +206,12 @@ impl View {
     }
 
     fn text(&mut self, now: Time) -> String {
-        self.health.refresh();
-        self.events.refresh();
-        self.mission.refresh();
-        self.nav.refresh();
-        self.links.refresh();
-        self.thrusters.refresh();
+        self.ports.refresh();
         self.guests.iter_mut().for_each(|guest| guest.refresh(now));
-        for health in self.health.samples() {
+        for health in self.ports.health.samples() {
             self.services.insert(text_of(&health.service).to_owned(), *health);
         }
-        self.said.extend(self.events.samples());
+        self.said.extend(self.ports.events.samples());
         self.said.drain(..self.said.len().saturating_sub(EVENTS));
         let mut text = String::new();
         // Writing into a string does not fail.
@@ -252,16 +248,16 @@ impl View {
     fn vehicle(&self, now: Time, out: &mut String) -> std::fmt::Result {
         let age_ms = |stamp_ns: u64| now.age_ns(stamp_ns) as f64 * 1e-6;
         writeln!(out)?;
-        if let Some(m) = self.mission.get() {
+        if let Some(m) = self.ports.mission.get() {
             writeln!(out, "mission    phase {} of {}, state {}", m.phase + 1, m.phase_count, m.state)?;
         }
-        if let Some(n) = self.nav.get() {
+        if let Some(n) = self.ports.nav.get() {
             let mode =
                 ["initialising", "tracking", "COASTING", "LOST", "NO GYRO"].get(usize::from(n.mode)).unwrap_or(&"?");
             let (x, y, theta_deg) = (n.x_m, n.y_m, n.theta_rad.to_degrees());
             writeln!(out, "navigation {x:.3} m {y:.3} m {theta_deg:.2} deg, {mode}, {:.0} ms old", age_ms(n.stamp_ns))?;
         }
-        if let Some(l) = self.links.get() {
+        if let Some(l) = self.ports.links.get() {
             for i in 0..(l.link_count as usize).min(l.q_rad.len()) {
                 let (q_deg, battery_v) = (l.q_rad[i].to_degrees(), l.battery_v[i]);
                 let age_ms = l.age_ns[i] as f64 * 1e-6;
@@ -274,7 +270,7 @@ impl View {
                 )?;
             }
         }
-        if let Some(t) = self.thrusters.get() {
+        if let Some(t) = self.ports.thrusters.get() {
             let valves = &t.valves[..(t.valve_count as usize).min(t.valves.len())];
             let open: String = valves.iter().map(|open| if *open == 0 { '.' } else { '#' }).collect();
             let firing_s = t.open_time_ns.iter().sum::<u64>() as f64 * 1e-9;

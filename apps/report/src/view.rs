@@ -64,7 +64,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         return Ok(());
     }
     let watch = live::Watch::join(&args.stack)?;
-    json("/scene.json", watch.scene_json());
+    json("/scene.json", watch.scene_json()?);
     let stream = Arc::new(Stream::default());
     let server = serve(listener, files, Some(stream.clone()))?;
     std::thread::spawn(move || server.run());

@@ -5,7 +5,7 @@ mod figures;
 
 use clap::Args;
 use fss_launcher::files::{TextFile, write};
-use fss_multibody::{Base, Coordinates, Manipulability, Model};
+use fss_multibody::{Base, Manipulability, Model, coordinates};
 use fss_plant::Plant;
 use fss_workspace::reach::{fixed_area_m2, manipulability, max_manipulability, virtual_manipulator_radius_m};
 use fss_workspace::straight_path::{straight_path, straight_path_area_m2};
@@ -151,10 +151,7 @@ fn look(model: &Model, limits_rad: &[f64], q_rad: &[f64], directions: usize) -> 
 }
 
 fn straight_paths(model: &Model, limits_rad: &[f64], q_rad: &[f64], directions: usize) -> StraightPaths {
-    let mut start = Coordinates::zeros();
-    for (slot, value) in start.iter_mut().skip(3).zip(q_rad) {
-        *slot = *value;
-    }
+    let start = coordinates([0.0; 3], q_rad);
     let angle_rad = |k: usize| TAU * k as f64 / directions as f64;
     let lengths_m: Vec<f64> = (0..directions)
         .into_par_iter()

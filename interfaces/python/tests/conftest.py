@@ -1,5 +1,7 @@
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -31,3 +33,21 @@ def flight(tmp_path_factory):
 def optional(module):
     """A package that a test needs; without it the test says so and passes."""
     return pytest.importorskip(module, reason=f"skipped: {module} is not installed")
+
+
+def hear(topic, *arguments, **options):
+    """Flies `hold` in real time and hears a topic for 2 s: its samples, array by array as they came."""
+    command = [PROGRAM, "run", "hold", "--quiet", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, **options) as stack:
+        deadline = time.monotonic() + 20
+        while True:
+            try:
+                live = fss.live(topic, bus=f"fss_{stack.pid}_")
+                break
+            except Exception:
+                assert time.monotonic() < deadline, "the stack does not come up"
+                time.sleep(0.2)
+        with live:
+            heard = list(live.stream(0.1, duration_s=2.0))
+        stack.send_signal(signal.SIGINT)
+    return heard

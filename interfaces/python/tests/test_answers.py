@@ -1,12 +1,10 @@
 import json
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
-from conftest import optional
+from conftest import hear, optional
 
 import fss
 
@@ -107,19 +105,6 @@ def test_a_campaign_has_the_rows_of_the_program(program, tmp_path):
 
 def test_a_running_stack_is_heard(program, tmp_path):
     optional("iceoryx2")
-    from conftest import PROGRAM
-
-    with subprocess.Popen([PROGRAM, "run", "hold", "--quiet", "--out", tmp_path], stdout=subprocess.DEVNULL) as stack:
-        deadline = time.monotonic() + 20
-        while True:
-            try:
-                nav = fss.live("/nav/state", bus=f"fss_{stack.pid}_")
-                break
-            except Exception:
-                assert time.monotonic() < deadline, "the stack does not come up"
-                time.sleep(0.2)
-        with nav:
-            heard = [samples for samples in nav.stream(0.1, duration_s=2.0)]
-        stack.send_signal(signal.SIGINT)
+    heard = hear("/nav/state", "--out", tmp_path)
     sequence = np.concatenate([samples["sequence"] for samples in heard])
     assert len(sequence) > 200 and np.all(np.diff(sequence.astype(np.int64)) == 1)

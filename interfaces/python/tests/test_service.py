@@ -1,15 +1,13 @@
 """A service of one's own in Python needs nothing but the wheel: it flies, is recorded and replayed, and is heard live."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import PROGRAM, optional
+from conftest import hear, optional
 
 import fss
 
@@ -42,17 +40,5 @@ def test_it_is_heard_while_it_flies(meter, environment, tmp_path):
     # Beside other flights on this computer: on ports of its own.
     launch = meter / "apart.toml"
     launch.write_text((meter / "launch.toml").read_text().replace("127.0.0.1:51", "127.0.0.1:53"))
-    command = [PROGRAM, "run", "hold", "--quiet", "--launch", launch, "--out", tmp_path]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment) as stack:
-        deadline = time.monotonic() + 20
-        while True:
-            try:
-                heard = fss.live("/meter/state", bus=f"fss_{stack.pid}_")
-                break
-            except Exception:
-                assert time.monotonic() < deadline, "the stack does not come up"
-                time.sleep(0.2)
-        with heard:
-            samples = [part for part in heard.stream(0.1, duration_s=2.0)]
-        stack.send_signal(signal.SIGINT)
+    samples = hear("/meter/state", "--launch", launch, "--out", tmp_path, env=environment)
     assert "speed_m_s" in samples[0].dtype.names and sum(len(part) for part in samples) > 50

@@ -18,8 +18,6 @@
 
 use crate::bytes::{Reader, Writer};
 
-/// UDP port at which a server answers requests.
-pub const COMMAND_PORT: u16 = 1510;
 /// UDP port to which it sends frames by multicast.
 pub const DATA_PORT: u16 = 1511;
 /// The multicast group of Motive.

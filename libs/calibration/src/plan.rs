@@ -6,7 +6,7 @@
 //! the best of many candidates, and then moved joint by joint as long as that helps.
 
 use super::kinematic::{Choice, unknowns};
-use fss_multibody::{Coordinates, Model};
+use fss_multibody::{Model, coordinates};
 use nalgebra::{DMatrix, Vector2};
 use rayon::prelude::*;
 
@@ -125,7 +125,7 @@ impl Design<'_> {
     }
 
     fn is_clear(&self, q_rad: &[f64]) -> bool {
-        let k = self.model.kinematics(&coordinates(q_rad));
+        let k = self.model.kinematics(&coordinates([0.0; 3], q_rad));
         let link = |i: usize| (k.joints[i], k.joints[i + 1]);
         let n = q_rad.len();
         let center = Vector2::zeros();
@@ -156,7 +156,7 @@ impl Design<'_> {
 
     /// Information of one posture, parameters in units of what is plausible.
     fn information(&self, q_rad: &[f64]) -> DMatrix<f64> {
-        let q = coordinates(q_rad);
+        let q = coordinates([0.0; 3], q_rad);
         let mut jacobian = DMatrix::<f64>::zeros(3, self.parts.len());
         for (j, (unknown, places)) in self.parts.iter().enumerate() {
             for place in places {
@@ -251,12 +251,6 @@ impl Design<'_> {
 fn is_apart(postures: &[Vec<f64>], i: usize, q_rad: &[f64]) -> bool {
     let differs = |other: &[f64]| q_rad.iter().zip(other).any(|(a, b)| (a - b).abs() >= APART_RAD);
     postures.iter().enumerate().all(|(j, other)| j == i || differs(other))
-}
-
-fn coordinates(q_rad: &[f64]) -> Coordinates {
-    let mut q = Coordinates::zeros();
-    q.as_mut_slice()[3..3 + q_rad.len()].copy_from_slice(q_rad);
-    q
 }
 
 type Segment = (Vector2<f64>, Vector2<f64>);

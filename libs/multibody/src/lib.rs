@@ -92,7 +92,7 @@ pub use model::{Base, Body, Link, Model, ModelError};
 pub use momentum::Momentum;
 pub use parameters::Parameter;
 pub use resolve::{Manipulability, damped_pseudoinverse, damping_near_singularity, singular_values};
-pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State, wrapped};
+pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State, coordinates, wrapped};
 
 /// Most links that a [`Model`] can have.
 pub const MAX_LINKS: usize = 8;

@@ -38,16 +38,18 @@ impl State {
 
     /// From slices of equal meaning; what is beyond a slice's end is zero, what is beyond [`MAX_DOF`] is ignored.
     pub fn from_slices(q: &[f64], v: &[f64]) -> Self {
-        Self { q: coordinates(q), v: coordinates(v) }
+        let all = |values: &[f64]| -> Coordinates {
+            let mut values = values.iter().copied();
+            Coordinates::from_fn(|_, _| values.next().unwrap_or(0.0))
+        };
+        Self { q: all(q), v: all(v) }
     }
 }
 
-fn coordinates(values: &[f64]) -> Coordinates {
-    let mut out = Coordinates::zeros();
-    for (slot, value) in out.iter_mut().zip(values) {
-        *slot = *value;
-    }
-    out
+/// Generalized coordinates of a base `[x, y, theta]` and joints, or their rates; joints beyond a slice's end are zero.
+pub fn coordinates(base: [f64; 3], joints: &[f64]) -> Coordinates {
+    let mut values = base.into_iter().chain(joints.iter().copied());
+    Coordinates::from_fn(|_, _| values.next().unwrap_or(0.0))
 }
 
 impl Default for State {

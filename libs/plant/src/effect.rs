@@ -1,6 +1,5 @@
 //! One effect with its values, as a plant file states it.
 
-use crate::effects;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, MAX_PARAMETERS};
 
@@ -26,13 +25,6 @@ pub struct EffectError {
 }
 
 impl Effect {
-    /// The effect `id` with its parameters at their plain nominal values, on all indices, from the start.
-    pub fn new(id: &str) -> Result<Self, EffectError> {
-        let kind = effects::find(id)
-            .ok_or_else(|| EffectError { message: format!("there is no effect {id:?}"), help: suggestion(id) })?;
-        Ok(Self::of(kind))
-    }
-
     /// An effect of `kind` with its parameters' plain nominal values.
     pub fn of(kind: &'static dyn EffectKind) -> Self {
         let mut values = [0.0; MAX_PARAMETERS];
@@ -183,25 +175,6 @@ impl Effect {
     pub(crate) fn parameter_names(&self) -> String {
         let names: Vec<_> = self.about().parameters.iter().map(|p| p.name).collect();
         names.join(", ")
-    }
-}
-
-/// The known ids that share the most with a misspelt one.
-fn suggestion(id: &str) -> String {
-    let pairs = |s: &str| -> Vec<(u8, u8)> { s.as_bytes().windows(2).map(|w| (w[0], w[1])).collect() };
-    let wanted = pairs(id);
-    let closest = effects::catalogue()
-        .iter()
-        .map(|kind| {
-            let known = kind.about().id;
-            let own = pairs(known);
-            let shared = own.iter().filter(|p| wanted.contains(p)).count();
-            (2 * shared * 1000 / (own.len() + wanted.len()).max(1), known)
-        })
-        .max();
-    match closest {
-        Some((likeness, known)) if likeness > 500 => format!("did you mean {known}?"),
-        _ => "docs/effects.md lists them all".to_owned(),
     }
 }
 

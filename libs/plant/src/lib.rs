@@ -7,6 +7,7 @@
 //! - [`Simulation`] lets it move: commands in, time forward, [`Truth`] out.
 //! - [`Rollout`] is the base alone, fast, under recorded joints and thrusters, for identification.
 //! - [`Instruments`] are the sensors: what they say about the truth.
+//! - [`scene::Scene`] and [`urdf`] are what viewers draw: shapes from above, and a robot description.
 //!
 //! ```
 //! use fss_plant::{Effect, JointCommand, Plant, Simulation};
@@ -21,6 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod about;
 mod advance;
 mod check;
 mod contact;
@@ -39,8 +41,10 @@ mod parts;
 mod physics;
 mod power;
 mod prior;
+mod reader;
 mod rollout;
 mod room;
+pub mod scene;
 mod servo;
 mod simulation;
 mod target;
@@ -55,7 +59,7 @@ pub use contact::GraspError;
 pub use docs::effects_table_markdown;
 pub use effect::{Effect, EffectError};
 pub use error::PlantError;
-pub use file::{DEFAULT_PLANT, Plant};
+pub use file::Plant;
 pub use friction::Friction;
 pub use instruments::{Instruments, LinkSample};
 pub use kind::{About, EffectKind, Index, MAX_PARAMETERS, Parameter, Place};
@@ -65,6 +69,7 @@ pub use physics::{
     SupplyPhysics, ThrusterPhysics,
 };
 pub use prior::{Prior, Response, SLAB_WIDTHS};
+pub use reader::DEFAULT_PLANT;
 pub use rollout::{BaseSample, Grid, JointSample, Pulse, Rollout, ValveHistory};
 pub use servo::JointCommand;
 pub use simulation::{INTERNAL_STEP_S, Simulation};

@@ -4,8 +4,8 @@
 //! be named: a normal distribution about the nominal value, of one of three widths, [`SLAB_WIDTHS`] times the typical size.
 //! Special values, such as a thruster that is stuck shut, are points besides.
 
+use crate::about::{MAX_PARAMETERS, Parameter};
 use crate::file::Plant;
-use crate::kind::{MAX_PARAMETERS, Parameter};
 
 /// Standard deviations of the three slabs over the typical size of a departure, each with a third of the probability.
 pub const SLAB_WIDTHS: [f64; 3] = [0.25, 1.0, 4.0];

@@ -7,11 +7,11 @@ use crate::{Link, Plant};
 use std::fmt::Write;
 
 /// Height of the base, m.
-const BASE_HEIGHT_M: f64 = 0.3;
+pub const BASE_HEIGHT_M: f64 = 0.3;
 /// Height at which the arm hangs, m.
 pub const ARM_HEIGHT_M: f64 = 0.15;
 /// Width of a link, m.
-const LINK_WIDTH_M: f64 = 0.06;
+pub(crate) const LINK_WIDTH_M: f64 = 0.06;
 
 /// Name of the base's frame.
 pub const BASE: &str = "base";

@@ -1,7 +1,7 @@
 //! Where the end-effector can be, and how well the arm moves it there (the paper's section 5).
 
 use fss_multibody::wrapped;
-use fss_multibody::{Coordinates, Manipulability, Model};
+use fss_multibody::{Manipulability, Model, coordinates};
 use std::f64::consts::{PI, TAU};
 
 /// Steps of the distance from joint 1.
@@ -102,7 +102,7 @@ pub fn best_manipulability_by_place(model: &Model, limits_rad: &[f64], bearings:
         for i in 1..links.len() {
             q[i] = limits_rad[i] * (2.0 * halton(index, i) - 1.0);
         }
-        let tip = model.end_effector(&coordinates(&q)).xy() - origin;
+        let tip = model.end_effector(&coordinates([0.0; 3], &q)).xy() - origin;
         let ring = ((tip.norm() / reach_m * RINGS as f64) as usize).min(RINGS - 1);
         let bearing = ((tip.y.atan2(tip.x) + PI) / TAU * bearings as f64) as usize % bearings;
         keep(&mut seen[ring][bearing], manipulability(model, &q, false).measure_m2());
@@ -141,18 +141,9 @@ fn beyond_second_joint(model: &Model, limits_rad: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
-/// The configuration with the base at the origin and these joint angles.
-fn coordinates(q_rad: &[f64]) -> Coordinates {
-    let mut q = Coordinates::zeros();
-    for (slot, value) in q.iter_mut().skip(3).zip(q_rad) {
-        *slot = *value;
-    }
-    q
-}
-
 /// Manipulability of a posture with the base held (`floating` false) or floating at zero momentum.
 pub fn manipulability(model: &Model, q_rad: &[f64], floating: bool) -> Manipulability {
-    let q = coordinates(q_rad);
+    let q = coordinates([0.0; 3], q_rad);
     if floating {
         return Manipulability::of(&model.generalized_jacobian(&q));
     }

@@ -2,7 +2,7 @@
 //! follows one posture by a pseudoinverse away from the joint limits, in 36 directions.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use fss_multibody::{Base, Coordinates, Model};
+use fss_multibody::{Base, Coordinates, Model, coordinates};
 use fss_plant::Plant;
 use fss_workspace::straight_path::{straight_path, straight_path_area_m2};
 use rayon::prelude::*;
@@ -16,11 +16,7 @@ fn model(clamped: bool) -> Model {
 }
 
 fn posture(q_deg: [f64; 4]) -> Coordinates {
-    let mut q = Coordinates::zeros();
-    for (i, angle) in q_deg.iter().enumerate() {
-        q[3 + i] = angle.to_radians();
-    }
-    q
+    coordinates([0.0; 3], &q_deg.map(f64::to_radians))
 }
 
 #[test]

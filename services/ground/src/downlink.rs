@@ -1,8 +1,8 @@
 //! Every topic as a channel, raw.
 
 use crate::channels::{Channel, Channels};
-use crate::server::Server;
 use crate::topics::AllTopics;
+use crate::viewers::Viewers;
 use fss_bus::Bus;
 use fss_messages::topic::{self, Topic, TopicVisitor};
 use fss_messages::{CDR_HEADER, PACKAGE, Sample};
@@ -27,15 +27,15 @@ impl Downlink {
     }
 
     /// Sends what came since the last step to those who asked for it.
-    pub(crate) fn send(&mut self, inputs: &AllTopics, server: &Server) {
+    pub(crate) fn send(&mut self, inputs: &AllTopics, viewers: &Viewers) {
         for (channel, input) in
-            self.channels.iter().zip(inputs.iter()).filter(|(channel, _)| server.is_wanted(**channel))
+            self.channels.iter().zip(inputs.iter()).filter(|(channel, _)| viewers.is_wanted(**channel))
         {
             input.for_each(&mut |header, sample| {
                 self.record.clear();
                 self.record.extend_from_slice(&CDR_HEADER);
                 self.record.extend_from_slice(sample);
-                server.send(*channel, header.published_ns, &self.record);
+                viewers.send(*channel, header.published_ns, &self.record);
             });
         }
     }

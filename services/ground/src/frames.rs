@@ -1,8 +1,8 @@
 //! Where the vehicle is, as standard messages: `/tf`, `/joint_states`, `/nav/pose`, `/robot_description`.
 
 use crate::channels::{Channel, Channels};
-use crate::server::Server;
 use crate::topics::AllTopics;
+use crate::viewers::Viewers;
 use fss_bus::{Bus, Time};
 use fss_messages::{MAX_LINKS, MissionState, NavState, topic};
 use fss_plant::Plant;
@@ -44,22 +44,22 @@ impl Frames {
     }
 
     /// Sends what is new.
-    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, server: &Server) {
+    pub(crate) fn send(&mut self, now: Time, inputs: &AllTopics, viewers: &Viewers) {
         if now.ns() >= self.next_description_ns {
             self.next_description_ns = now.ns() + DESCRIPTION_PERIOD_NS;
-            server.send(self.description, now.ns(), &Cdr::default().text(&self.urdf).message());
+            viewers.send(self.description, now.ns(), &Cdr::default().text(&self.urdf).message());
         }
         let mut transforms = Vec::new();
         if let Some(nav) = inputs.samples(topic::NAV_STATE).last() {
             let pose = [nav.x_m, nav.y_m, nav.theta_rad];
             if nav.mode != NavState::INITIALISING {
                 let message = Cdr::default().header(nav.stamp_ns, TABLE).pose(pose, 0.0).message();
-                server.send(self.pose, nav.published_ns, &message);
+                viewers.send(self.pose, nav.published_ns, &message);
                 transforms.push(self.robot.base(nav.stamp_ns, pose));
             }
         }
         if let Some(links) = inputs.samples(topic::LINKS_STATE).last() {
-            server.send(self.joints, links.published_ns, &self.robot.joint_states(links.stamp_ns, links));
+            viewers.send(self.joints, links.published_ns, &self.robot.joint_states(links.stamp_ns, links));
             transforms.extend(self.robot.arm(links.stamp_ns, &links.q_rad));
         }
         if let Some(mission) = inputs.samples(topic::MISSION_STATE).last().filter(|m| m.target_seen != 0) {
@@ -67,7 +67,7 @@ impl Frames {
             transforms.push(self.robot.target(mission.stamp_ns, mission.target));
         }
         if !transforms.is_empty() {
-            server.send(self.transforms, now.ns(), &tf_message(&transforms));
+            viewers.send(self.transforms, now.ns(), &tf_message(&transforms));
         }
     }
 }

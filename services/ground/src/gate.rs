@@ -4,8 +4,8 @@
 //! read here, and pages of other origins than the launch file names are refused. There is no other socket.
 
 use crate::origin::{self, Verdict};
-use crate::server::Shared;
-use crate::viewer;
+use crate::session;
+use crate::viewers::Viewers;
 use fss_messages::Event;
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -28,12 +28,12 @@ pub(crate) struct Gate {
 
 impl Gate {
     /// Listens, and lets in; the thread that does so ends with the process.
-    pub(crate) fn open(listen: SocketAddr, shared: Arc<Shared>) -> io::Result<Self> {
+    pub(crate) fn open(listen: SocketAddr, viewers: Arc<Viewers>) -> io::Result<Self> {
         let listener = TcpListener::bind(listen)?;
         let port = listener.local_addr()?.port();
         let connections = Arc::new(AtomicUsize::new(0));
         let counted = connections.clone();
-        let admit = move || admit(&listener, &shared, &counted);
+        let admit = move || admit(&listener, &viewers, &counted);
         std::thread::Builder::new().name("gate".to_owned()).spawn(admit)?;
         Ok(Self { port, connections })
     }
@@ -51,32 +51,32 @@ impl Gate {
     }
 }
 
-fn admit(listener: &TcpListener, shared: &Arc<Shared>, connections: &Arc<AtomicUsize>) {
+fn admit(listener: &TcpListener, viewers: &Arc<Viewers>, connections: &Arc<AtomicUsize>) {
     for connection in listener.incoming().flatten() {
         if connections.fetch_add(1, Ordering::Relaxed) >= MOST_CONNECTIONS {
             connections.fetch_sub(1, Ordering::Relaxed);
             continue;
         }
-        let (shared, connections) = (shared.clone(), connections.clone());
+        let (viewers, connections) = (viewers.clone(), connections.clone());
         std::thread::spawn(move || {
-            let _who_came_may_be_gone = receive(connection, &shared);
+            let _who_came_may_be_gone = receive(connection, &viewers);
             connections.fetch_sub(1, Ordering::Relaxed);
         });
     }
 }
 
-fn receive(connection: TcpStream, shared: &Shared) -> io::Result<()> {
-    let (request, verdict) = read(&connection, &shared.origins)?;
+fn receive(connection: TcpStream, viewers: &Viewers) -> io::Result<()> {
+    let (request, verdict) = read(&connection, &viewers.origins)?;
     if let Verdict::Foreign(origin) = &verdict {
         let words = format!("a page of {origin} is refused: [ground] origins does not name it");
-        shared.say_rarely(Event::WARNING, words);
+        viewers.say_rarely(Event::WARNING, words);
     }
     match verdict {
         Verdict::Welcome { accept, length } => {
             (&connection).write_all(accept.as_bytes())?;
-            viewer::serve(connection, request[length..].to_vec(), shared)
+            session::serve(connection, request[length..].to_vec(), viewers)
         }
-        Verdict::Metrics => show(&connection, &shared.metrics()),
+        Verdict::Metrics => show(&connection, &viewers.metrics()),
         refused => {
             let (status, why) = refused.refusal();
             refuse(&connection, status, &why)

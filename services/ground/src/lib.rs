@@ -2,8 +2,8 @@
 //!
 //! One process beside the flight serves every topic of the stack over the Foxglove WebSocket protocol, raw: the bytes in
 //! shared memory, with the schemas that the log has. To that it adds what three-dimensional views want: `/tf`,
-//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`fss_plant::urdf`]) and `/scene` (table,
-//! plumes, target).
+//! `/joint_states`, `/nav/pose`, `/robot_description` (a URDF made from the plant file, [`fss_plant::urdf`]) and `/scene` (what
+//! else stands on the table, [`fss_plant::scene`]).
 //!
 //! Where it is told to take commands ([`GroundConfig::commands`], on the loopback only), viewers tune parameters within their
 //! bounds ([`fss_messages::parameter`]) and abort the mission; each such word is an event, a sample and so in the log.
@@ -14,6 +14,8 @@
 //! slow client does not fetch is dropped from that client's own bounded queue, counted and said.
 
 mod channels;
+mod config;
+mod decorations;
 mod downlink;
 mod frame;
 mod frames;
@@ -21,25 +23,30 @@ mod gate;
 mod metrics;
 mod origin;
 mod outbox;
-mod scene;
-mod server;
+
+mod session;
 mod topics;
 mod uplink;
 mod viewer;
+mod viewers;
 
-pub use server::{GroundConfig, GroundError};
+pub use config::{GroundConfig, GroundError};
 pub use topics::AllTopics;
 
 use channels::Channels;
+use decorations::Decorations;
 use downlink::Downlink;
 use frames::Frames;
 use fss_bus::{Bus, BusError, Output, OutputPort, Service, Time, outputs};
 use fss_messages::{Event, MissionCommand, Parameters, topic};
 use fss_plant::Plant;
 use metrics::Metrics;
-use scene::Scene;
-use server::Server;
+
+use gate::Gate;
+use std::sync::Arc;
 use uplink::{Outlets, Uplink};
+use viewer::FAREWELL;
+use viewers::Viewers;
 
 const NAME: &str = "ground";
 
@@ -76,9 +83,10 @@ impl OutputPort for Lost {
 pub struct Ground {
     downlink: Downlink,
     frames: Frames,
-    scene: Scene,
+    decorations: Decorations,
     uplink: Uplink,
-    server: Server,
+    viewers: Arc<Viewers>,
+    gate: Gate,
     metrics: Metrics,
     /// What is to be said of the address, once.
     address: Option<String>,
@@ -88,22 +96,28 @@ impl Ground {
     /// Listens, and serves the stack of this plant that speaks on the bus.
     ///
     /// # Errors
-    /// Where the address cannot be listened at.
+    /// Where the address cannot be listened at, or whoever reaches it could command.
     pub fn listen(config: &GroundConfig, plant: &Plant, bus: &Bus) -> Result<Self, GroundError> {
+        if config.commands && !config.listen.ip().is_loopback() {
+            return Err(GroundError::Exposed(config.listen));
+        }
         let mut channels = Channels::default();
         let downlink = Downlink::new(&mut channels, bus);
         let frames = Frames::new(&mut channels, plant, bus);
-        let scene = Scene::new(&mut channels, plant, bus);
+        let decorations = Decorations::new(&mut channels, plant, bus);
         let uplink = Uplink::new(config.commands, bus);
-        let server = Server::start(config, channels, uplink.desk())?;
+        let viewers = Arc::new(Viewers::new(config, channels, uplink.desk()));
+        let gate = Gate::open(config.listen, viewers.clone())
+            .map_err(|source| GroundError::Listen { address: config.listen, source })?;
         let what = if config.commands { "and takes commands" } else { "and only shows" };
-        let address = Some(format!("listens at {}:{} {what}", config.listen.ip(), server.port()));
-        Ok(Self { downlink, frames, scene, uplink, server, metrics: Metrics::default(), address })
+        let address = Some(format!("listens at {}:{} {what}", config.listen.ip(), gate.port()));
+        Ok(Self { downlink, frames, decorations, uplink, viewers, gate, metrics: Metrics::default(), address })
     }
 
     /// Says goodbye to the clients.
     pub fn close(self) {
-        self.server.stop();
+        self.viewers.dismiss();
+        self.gate.wait(FAREWELL);
     }
 }
 
@@ -114,20 +128,20 @@ impl Service for Ground {
 
     /// Unlike a flight service it allocates: each client's queue holds copies of its own.
     fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
-        self.downlink.send(inputs, &self.server);
-        self.frames.send(now, inputs, &self.server);
-        self.scene.send(now, inputs, &self.server);
+        self.downlink.send(inputs, &self.viewers);
+        self.frames.send(now, inputs, &self.viewers);
+        self.decorations.send(now, inputs, &self.viewers);
         if let Some(text) = self.metrics.learn(now, inputs) {
-            self.server.set_metrics(text);
+            self.viewers.set_metrics(text);
         }
         let Outputs { parameters, mission, events, lost } = outputs;
-        lost.0 += self.server.lost();
+        lost.0 += self.viewers.lost();
         self.uplink.pass_on(now, &mut Outlets { parameters, mission, events });
-        self.server.tell(&self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
+        self.viewers.tell(&self.uplink.learn(inputs.samples(topic::PARAMETERS_STATE)));
         if let Some(words) = self.address.take() {
             events.publish(Event::new(now.ns(), Self::NAME, Event::INFO, format_args!("{words}")));
         }
-        while let Some((severity, words)) = self.server.next_words() {
+        while let Some((severity, words)) = self.viewers.next_words() {
             events.publish(Event::new(now.ns(), Self::NAME, severity, format_args!("{words}")));
         }
     }

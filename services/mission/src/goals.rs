@@ -3,7 +3,7 @@
 use crate::target::Motion;
 use crate::{ArmGoal, BaseGoal, Phase, Pulse, Sine};
 use fss_messages::{MAX_LINKS, MAX_SINES, MAX_THRUSTERS, MissionState};
-use fss_multibody::{Coordinates, Model};
+use fss_multibody::{Model, coordinates};
 use std::f64::consts::{PI, TAU};
 
 /// Base goals are published as absolute poses, so that a controller that restarts within a phase still knows them.
@@ -66,11 +66,7 @@ impl Meeting<'_> {
     /// The base's pose now that would hold the end-effector before the handle as that will stand at the grasp, and its
     /// rate: the base drifts with the target, and does not turn with it.
     pub(crate) fn goal(&self, here: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-        let mut q = Coordinates::zeros();
-        for (slot, angle) in q.iter_mut().skip(3).zip(self.q_rad) {
-            *slot = *angle;
-        }
-        let tip = self.model.end_effector(&q);
+        let tip = self.model.end_effector(&coordinates([0.0; 3], self.q_rad));
         let Motion { pose, rate } = self.target;
         let handle = pose[2] + rate[2] * self.grasp_after_s;
         let theta = nearest_turn(handle + PI - tip.z, here[2]);

@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use fss_calibrate::kinematic::Choice;
 use fss_calibrate::plan::{self, Criterion, Limits, Plan};
 use fss_launcher::files::{read_plant, write};
-use fss_multibody::{Coordinates, MAX_LINKS, Model};
+use fss_multibody::{Model, coordinates};
 use fss_plant::Plant;
 use miette::{IntoDiagnostic, Result, miette};
 use std::fmt::Write;
@@ -116,14 +116,9 @@ fn limits(plant: &Plant, args: &PlanArgs) -> Limits {
 
 /// Where the base starts so that the centre of mass, which stays, is in the middle of the table.
 fn middle_of_table(plant: &Plant, model: &Model, made: &Plan) -> Result<[f64; 2]> {
-    let coordinates = |posture: &[f64]| {
-        let mut q = Coordinates::zeros();
-        posture.iter().take(MAX_LINKS).enumerate().for_each(|(i, angle)| q[3 + i] = *angle);
-        q
-    };
     let half = 0.5 * plant.table.size_m[0].min(plant.table.size_m[1]);
     for posture in &made.postures {
-        let q = coordinates(posture);
+        let q = coordinates([0.0; 3], posture);
         let (center, all) = (model.center_of_mass(&q), model.kinematics(&q));
         let farthest = all
             .joints
@@ -137,8 +132,10 @@ fn middle_of_table(plant: &Plant, model: &Model, made: &Plan) -> Result<[f64; 2]
             ));
         }
     }
-    let center =
-        made.postures.first().map_or_else(Default::default, |posture| model.center_of_mass(&coordinates(posture)));
+    let center = made
+        .postures
+        .first()
+        .map_or_else(Default::default, |posture| model.center_of_mass(&coordinates([0.0; 3], posture)));
     Ok([-center.x, -center.y])
 }
 

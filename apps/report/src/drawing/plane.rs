@@ -1,8 +1,6 @@
-//! A plane in metres on paper: axes with ticks, a grid, polygons, the vehicle from above.
+//! A plane in metres on paper: axes with ticks, a grid, polygons, a scene from above.
 
-use fss_multibody::{Coordinates, Model};
-use fss_plant::Plant;
-use std::f64::consts::PI;
+use fss_plant::scene::{COLOURS, Posture, Scene, Shape};
 use std::fmt::Write;
 
 /// Room for the numbers at the axes, in the picture's own units.
@@ -161,24 +159,14 @@ impl Plot {
         );
     }
 
-    /// The granite: its edge, and grey beyond it. The table frame's origin is its middle.
-    pub(crate) fn table(&mut self, size_m: [f64; 2]) {
-        let [w, h] = size_m.map(|m| m / 2.0);
+    /// What is beyond this edge, in the room's colour.
+    pub(crate) fn beyond(&mut self, edge: &Shape) {
         let ([left, top], [width, height]) = (self.corner, self.size);
-        let around = format!("M{left:.1} {top:.1}h{width:.1}v{height:.1}h{:.1}Z", -width);
-        let edge = self.path(&[[-w, -h], [w, -h], [w, h], [-w, h]]);
+        let (d, stroke, fill) = (self.path(&edge.corners_m), edge.stroke, COLOURS.beyond);
         self.clipped(&format!(
-            "<path d=\"{around}{edge}Z\" fill=\"#d9d5cc\" fill-rule=\"evenodd\"/><path d=\"{edge}Z\" fill=\"none\" stroke=\"#888\"/>"
+            "<path d=\"M{left:.1} {top:.1}h{width:.1}v{height:.1}h-{width:.1}Z{d}Z\" fill=\"{fill}\" fill-rule=\"evenodd\" \
+             stroke=\"{stroke}\"/>"
         ));
-    }
-
-    /// The target: a disc with its handle on the rim, at the body's angle 0.
-    pub(crate) fn disc(&mut self, [x, y, theta]: [f64; 3], radius_m: f64, opacity: f64) {
-        let rim = |share: f64| [x + share * radius_m * theta.cos(), y + share * radius_m * theta.sin()];
-        let style = format!("fill=\"#cfe5d5\" stroke=\"#245c3a\" stroke-width=\"1.5\" opacity=\"{opacity}\"");
-        self.circle([x, y], radius_m, &style);
-        self.line(&[rim(0.82), rim(1.0)], &format!("stroke=\"#245c3a\" stroke-width=\"6\" opacity=\"{opacity}\""));
-        self.line(&[[x, y], rim(0.82)], &format!("stroke=\"#245c3a\" opacity=\"{opacity}\""));
     }
 
     /// SVG of the caller's own, clipped to the plot.
@@ -186,34 +174,12 @@ impl Plot {
         let _ = write!(self.svg, "<g clip-path=\"url(#{})\">{svg}</g>", self.name);
     }
 
-    /// Base, joints and links from above. The width of links is that of the drawing, not of the arm.
-    pub(crate) fn vehicle(&mut self, plant: &Plant, model: &Model, q: &Coordinates, opacity: f64) {
-        let link_width = (0.05 * self.scale).clamp(3.0, 14.0);
-        let [w, h] = plant.base.size_m.map(|m| m * self.scale);
-        let [x, y] = self.at([q[0], q[1]]);
-        let turn = -q[2].to_degrees();
-        let mut svg = format!(
-            "<g opacity=\"{opacity}\"><rect x=\"{:.1}\" y=\"{:.1}\" width=\"{w:.1}\" height=\"{h:.1}\" rx=\"3\" \
-             transform=\"rotate({turn:.2} {x:.1} {y:.1})\" fill=\"#c9ced6\" stroke=\"#222\" stroke-width=\"1.5\"/>",
-            x - 0.5 * w,
-            y - 0.5 * h
-        );
-        let joints = model.kinematics(q).joints;
-        let points: Vec<[f64; 2]> = joints.iter().take(model.link_count() + 1).map(|p| [p.x, p.y]).collect();
-        let d = self.path(&[&[[q[0], q[1]]], &points[..1]].concat());
-        let _ = write!(svg, "<path d=\"{d}\" stroke=\"#222\" stroke-width=\"1.5\"/>");
-        let d = self.path(&points);
-        for (colour, width) in [("#222", link_width), ("#f0f0ee", link_width - 2.4)] {
-            let _ = write!(
-                svg,
-                "<path d=\"{d}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\" stroke-linejoin=\"round\" \
-                 stroke-linecap=\"round\"/>"
-            );
-        }
-        for (i, point) in points.iter().enumerate() {
-            let [x, y] = self.at(*point);
-            let fill = if i + 1 == points.len() { "#c22" } else { "#222" };
-            let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"{fill}\"/>", 0.24 * link_width);
+    /// The bodies of a scene where a posture has them.
+    pub(crate) fn scene(&mut self, scene: &Scene, posture: &Posture, opacity: f64) {
+        let mut svg = format!("<g opacity=\"{opacity}\" stroke-width=\"1.5\">");
+        for (shape, pose) in scene.placed(posture) {
+            let d = self.path(&shape.at(pose));
+            let _ = write!(svg, "<path d=\"{d}Z\" fill=\"{}\" stroke=\"{}\"/>", shape.fill, shape.stroke);
         }
         svg.push_str("</g>");
         self.clipped(&svg);
@@ -237,13 +203,4 @@ pub(crate) fn picture(size: [f64; 2], content: &str) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" \
          font-size=\"12\"><rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"white\"/>{content}</svg>\n"
     )
-}
-
-/// Points of an arc, in steps of at most 2 degrees.
-pub(crate) fn arc(center_m: [f64; 2], radius_m: f64, from_rad: f64, to_rad: f64) -> Vec<[f64; 2]> {
-    let steps = (((to_rad - from_rad).abs() / (PI / 90.0)).ceil() as usize).max(1);
-    (0..=steps)
-        .map(|k| from_rad + (to_rad - from_rad) * k as f64 / steps as f64)
-        .map(|angle| [center_m[0] + radius_m * angle.cos(), center_m[1] + radius_m * angle.sin()])
-        .collect()
 }

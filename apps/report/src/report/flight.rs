@@ -1,11 +1,12 @@
 //! What a log holds of a flight, on one clock that starts with the log.
 
-use crate::drawing::scene::{Moment, Table};
+use crate::drawing::scene::{Moment, Table, goal};
 use crate::drawing::strips::Span;
 use fss_launcher::stack::Stack;
 use fss_launcher::summary::Records;
-use fss_messages::{LinksState, MAX_LINKS, MocapPose, Sample, ThrustersState, topic};
+use fss_messages::{LinksState, MocapPose, Sample, ThrustersState, topic};
 use fss_multibody::Model;
+use fss_plant::scene::{Posture, mask};
 use fss_records::log::{Log, Samples};
 use miette::{IntoDiagnostic, Result};
 use std::collections::BTreeMap;
@@ -102,10 +103,10 @@ impl Flight {
 
     /// Where everything was: from the truth, or from what the stack believed.
     pub fn moments(&self) -> Vec<Moment> {
-        let has_target = self.stack.mission.target.is_some();
         if self.has_truth() {
+            let table = self.table();
             let truth = self.records.truth().iter();
-            return truth.map(|t| Moment::of_truth(t, self.zero_ns, has_target)).collect();
+            return truth.map(|t| Moment::of_truth(t, self.zero_ns, &table, self.records.arm())).collect();
         }
         let seen: Vec<&MocapPose> = self.target.iter().filter(|pose| pose.quality == MocapPose::VALID).collect();
         let mut next_ns = 0;
@@ -118,14 +119,13 @@ impl Flight {
             next_ns = nav.stamp_ns + MOMENT_NS;
             let at = seen.partition_point(|pose| pose.stamp_ns <= nav.stamp_ns);
             let target = at.checked_sub(1).map(|i| [seen[i].x_m, seen[i].y_m, seen[i].theta_rad]);
-            let mut q_rad = [0.0; MAX_LINKS];
-            q_rad.copy_from_slice(&self.links[links - 1].q_rad);
-            let base = [nav.x_m, nav.y_m, nav.theta_rad];
-            let t_s = self.seconds(nav.stamp_ns);
-            let mut moment = Moment { t_s, base, q_rad, end_effector_m: [0.0; 2], target };
-            let tip = self.model.end_effector(&moment.coordinates());
-            moment.end_effector_m = [tip.x, tip.y];
-            moments.push(moment);
+            let vehicle = Posture::of(&self.model, [nav.x_m, nav.y_m, nav.theta_rad], &self.links[links - 1].q_rad);
+            let open = self.valves.partition_point(|v| v.stamp_ns <= nav.stamp_ns).checked_sub(1);
+            let pushing = open.map_or(0, |i| mask(&self.valves[i].valves));
+            let goal = goal(self.records.arm(), nav.stamp_ns);
+            let [x_m, y_m, _] = vehicle.arm[vehicle.arm.len() - 1];
+            let posture = Posture { target, goal, pushing, ..vehicle };
+            moments.push(Moment { t_s: self.seconds(nav.stamp_ns), end_effector_m: [x_m, y_m], posture });
         }
         moments
     }

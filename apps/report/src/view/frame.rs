@@ -3,16 +3,28 @@
 use crate::values;
 use fss_launcher::stack::Stack;
 use fss_messages::{
-    Definition, Event, Health, LinksState, MAX_LINKS, MissionState, MocapPose, NavState, TruthState, text_of,
+    ArmCommand, Definition, Event, Health, LinksState, MAX_LINKS, MissionState, MocapPose, NavState, TruthState,
+    text_of,
 };
-use fss_multibody::{Coordinates, Model};
+use fss_multibody::Model;
+use fss_plant::scene::{Posture, Scene};
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-/// What does not change: the table, the vehicle's shape, the mission's names.
-pub(super) struct Scene {
+/// What does not change: the vehicle, the mission's names.
+pub(super) struct Stage {
     stack: Stack,
     model: Model,
+}
+
+/// The stage as the page wants it.
+#[derive(Serialize)]
+struct Setting<'a> {
+    live: bool,
+    title: &'a str,
+    description: &'a str,
+    #[serde(flatten)]
+    scene: Scene,
 }
 
 /// The newest samples at an instant.
@@ -22,6 +34,8 @@ pub(super) struct Samples<'a> {
     pub truth: Option<&'a TruthState>,
     /// The estimate.
     pub nav: Option<&'a NavState>,
+    /// What the arm is commanded.
+    pub arm: Option<&'a ArmCommand>,
     /// The arm's telemetry.
     pub links: Option<&'a LinksState>,
     /// Where the mission stands.
@@ -29,7 +43,7 @@ pub(super) struct Samples<'a> {
     /// The target as motion capture last saw it.
     pub target: Option<&'a MocapPose>,
     /// Valves that were open since the frame before, a bit each.
-    pub fired: u32,
+    pub pushing: u32,
 }
 
 /// An instant, rounded to what a picture needs.
@@ -37,24 +51,20 @@ pub(super) struct Samples<'a> {
 pub(super) struct Frame {
     /// s.
     t: f64,
-    /// x m, y m, theta rad: the truth, or the estimate where there is none.
-    base: [f64; 3],
+    /// By the truth, or by the estimate where there is none.
+    #[serde(flatten)]
+    posture: Posture,
     rate: [f64; 3],
-    /// The estimate, where `base` is the truth.
+    /// The estimate, where the posture is the truth.
     #[serde(skip_serializing_if = "Option::is_none")]
     believed: Option<[f64; 3]>,
     /// Estimate less truth: x m, y m, heading rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<[f64; 3]>,
-    /// Joint 1 to the end-effector, m.
-    joints: Vec<[f64; 2]>,
     /// Encoder angles, rad, and torques, N m; none where a link is silent.
     q: Vec<f64>,
     torque: Vec<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    target: Option<[f64; 3]>,
     held: bool,
-    fired: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     gas: Option<f64>,
     nav: &'static str,
@@ -95,7 +105,7 @@ fn finely(value: f64) -> f64 {
     (value * 1e7).round() / 1e7
 }
 
-impl Scene {
+impl Stage {
     /// Of a stack.
     ///
     /// # Errors
@@ -106,21 +116,14 @@ impl Scene {
     }
 
     /// As the page wants it.
-    pub(super) fn json(&self, is_live: bool) -> String {
-        let plant = &self.stack.plant;
-        let thrusters: Vec<_> = plant
-            .thrusters
-            .iter()
-            .map(|thruster| serde_json::json!({ "at": thruster.position_m, "push": thruster.unit_direction() }))
-            .collect();
-        let radius_m = self.stack.mission.target.as_ref().map(|target| target.body.radius_m);
-        let title = &self.stack.mission.name;
-        serde_json::json!({
-            "live": is_live, "title": title, "description": self.stack.mission.description,
-            "table": plant.table.size_m, "base": plant.base.size_m, "links": plant.link_count(),
-            "thrusters": thrusters, "target_radius": radius_m,
-        })
-        .to_string()
+    ///
+    /// # Errors
+    /// None that a plant can cause.
+    pub(super) fn json(&self, is_live: bool) -> Result<String> {
+        let mission = &self.stack.mission;
+        let scene = Scene::of(&self.stack.plant, mission.target.as_ref().map(|target| &target.body));
+        let (title, description) = (&mission.name, &mission.description);
+        serde_json::to_string(&Setting { live: is_live, title, description, scene }).into_diagnostic()
     }
 
     /// The samples as a picture's frame; `None` before anything is known of the vehicle.
@@ -133,11 +136,6 @@ impl Scene {
             (None, Some(n), Some(pose)) => (pose, [n.vx_m_s, n.vy_m_s, n.omega_rad_s], told),
             _ => return None,
         };
-        let mut q = Coordinates::zeros();
-        for (slot, value) in q.iter_mut().zip(base.iter().chain(&q_rad)) {
-            *slot = *value;
-        }
-        let joints = self.model.kinematics(&q).joints;
         let telemetry = of.links.filter(|l| l.alive[..links].iter().all(|alive| *alive != 0));
         let has_target = self.stack.mission.target.is_some();
         let seen = of.target.filter(|pose| pose.quality == MocapPose::VALID).map(|p| [p.x_m, p.y_m, p.theta_rad]);
@@ -146,16 +144,19 @@ impl Scene {
         let error = of.truth.zip(of.nav.filter(|_| believed.is_some())).map(|(t, n)| error_of(n, t));
         Some(Frame {
             t: round(t_s),
-            base: base.map(round),
+            posture: Posture {
+                base: base.map(round),
+                arm: Posture::of(&self.model, base, &q_rad).arm.into_iter().map(|pose| pose.map(round)).collect(),
+                target: target.map(|pose| pose.map(round)),
+                goal: of.arm.map(|arm| arm.ee_goal.map(round)).filter(|goal| *goal != [0.0; 3]),
+                pushing: of.pushing,
+            },
             rate: rate.map(finely),
             believed: believed.filter(|_| of.truth.is_some()).map(|pose| pose.map(round)),
             error: error.map(|error| error.map(finely)),
-            joints: joints.iter().take(links + 1).map(|p| [round(p.x), round(p.y)]).collect(),
             q: telemetry.map_or_else(Vec::new, |l| l.q_rad[..links].iter().copied().map(round).collect()),
             torque: telemetry.map_or_else(Vec::new, |l| l.torque_nm[..links].iter().copied().map(round).collect()),
-            target: target.map(|pose| pose.map(round)),
             held,
-            fired: of.fired,
             gas: of.truth.map(|t| finely(t.gas_used_kg)),
             nav: of.nav.map_or("none", navigation_mode),
             phase: of.mission.map_or_else(|| "no mission".to_owned(), |m| self.stack.phase_name(m)),
@@ -172,11 +173,6 @@ fn error_of(nav: &NavState, truth: &TruthState) -> [f64; 3] {
         nav.y_m - truth.y_m - truth.vy_m_s * later_s,
         heading.sin().atan2(heading.cos()),
     ]
-}
-
-/// Valves that are open, a bit each, the first in the lowest.
-pub(super) fn mask(valves: &[u8]) -> u32 {
-    valves.iter().enumerate().fold(0, |mask, (k, open)| mask | (u32::from(*open != 0) << k))
 }
 
 fn navigation_mode(nav: &NavState) -> &'static str {

@@ -1,14 +1,15 @@
 //! The running stack: samples from the bus, 30 times a second, to whoever looks.
 
-use super::frame::{EventRow, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Scene, mask};
+use super::frame::{EventRow, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Stage};
 use super::server::Stream;
 use crate::top::{folder_of, only_stack};
 use clap::Args;
-use fss_bus::{Batch, Bus, InputPort, Latest, RawBatch, RawTopic, SharedConfig, Time, realtime};
+use fss_bus::{Batch, Bus, InputPorts, Latest, RawBatch, RawTopic, SharedConfig, Time, inputs, realtime};
 use fss_launcher::stack::Stack;
 use fss_messages::{
-    Event, Header, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic,
+    ArmCommand, Event, Header, Health, LinksState, MissionState, MocapPose, NavState, ThrustersState, TruthState, topic,
 };
+use fss_plant::scene::mask;
 use fss_service::topics_of;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
@@ -28,16 +29,23 @@ pub(super) struct StackArgs {
 /// Between two pictures, ns.
 const PERIOD_NS: u64 = 33_333_333;
 
-struct Ports {
-    truth: Latest<TruthState>,
-    nav: Latest<NavState>,
-    links: Latest<LinksState>,
-    mission: Latest<MissionState>,
-    target: Batch<MocapPose>,
-    valves: Batch<ThrustersState>,
-    health: Batch<Health>,
-    events: Batch<Event>,
-    others: Vec<Other>,
+inputs! {
+    struct Ports {
+        truth: Latest<TruthState> = topic::TRUTH_STATE,
+        nav: Latest<NavState> = topic::NAV_STATE,
+        arm: Latest<ArmCommand> = topic::ARM_COMMAND,
+        links: Latest<LinksState> = topic::LINKS_STATE,
+        mission: Latest<MissionState> = topic::MISSION_STATE,
+        target: Batch<MocapPose> = topic::MOCAP_TARGET,
+        valves: Batch<ThrustersState> = topic::THRUSTERS_STATE,
+    }
+}
+
+inputs! {
+    struct Reports {
+        health: Batch<Health> = topic::HEALTH,
+        events: Batch<Event> = topic::EVENTS,
+    }
 }
 
 /// A topic of a service from elsewhere.
@@ -67,40 +75,14 @@ impl Other {
 
 /// A reader beside a flying stack.
 pub(super) struct Watch {
-    scene: Scene,
+    stage: Stage,
     ports: Ports,
+    reports: Reports,
+    others: Vec<Other>,
     /// The target as it was last seen.
     seen: Option<MocapPose>,
     /// Lives as long as its ports.
     _bus: Bus,
-}
-
-impl Ports {
-    fn open(bus: &Bus) -> Result<Self> {
-        Ok(Self {
-            truth: Latest::open(bus, topic::TRUTH_STATE).into_diagnostic()?,
-            nav: Latest::open(bus, topic::NAV_STATE).into_diagnostic()?,
-            links: Latest::open(bus, topic::LINKS_STATE).into_diagnostic()?,
-            mission: Latest::open(bus, topic::MISSION_STATE).into_diagnostic()?,
-            target: Batch::open(bus, topic::MOCAP_TARGET).into_diagnostic()?,
-            valves: Batch::open(bus, topic::THRUSTERS_STATE).into_diagnostic()?,
-            health: Batch::open(bus, topic::HEALTH).into_diagnostic()?,
-            events: Batch::open(bus, topic::EVENTS).into_diagnostic()?,
-            others: bus.program_topics().iter().map(|topic| Other::open(bus, topic)).collect::<Result<_>>()?,
-        })
-    }
-
-    fn refresh(&mut self) {
-        self.truth.refresh();
-        self.nav.refresh();
-        self.links.refresh();
-        self.mission.refresh();
-        self.target.refresh();
-        self.valves.refresh();
-        self.health.refresh();
-        self.events.refresh();
-        self.others.iter_mut().for_each(|other| other.batch.refresh());
-    }
 }
 
 impl Watch {
@@ -117,13 +99,17 @@ impl Watch {
         let config = SharedConfig { node: "view".to_owned(), prefix };
         let bus = Bus::shared(&config).into_diagnostic()?.for_vehicle(&stack.launch.vehicle);
         let bus = bus.with_program_topics(topics_of(&stack.programs)?);
-        let ports = Ports::open(&bus)?;
-        Ok(Self { scene: Scene::of(stack)?, ports, seen: None, _bus: bus })
+        let (ports, reports) = (Ports::open(&bus).into_diagnostic()?, Reports::open(&bus).into_diagnostic()?);
+        let others = bus.program_topics().iter().map(|topic| Other::open(&bus, topic)).collect::<Result<_>>()?;
+        Ok(Self { stage: Stage::of(stack)?, ports, reports, others, seen: None, _bus: bus })
     }
 
     /// What does not change, as the page wants it.
-    pub(super) fn scene_json(&self) -> String {
-        self.scene.json(true)
+    ///
+    /// # Errors
+    /// As [`Stage::json`].
+    pub(super) fn scene_json(&self) -> Result<String> {
+        self.stage.json(true)
     }
 
     /// Reads and tells, for ever.
@@ -141,6 +127,8 @@ impl Watch {
                 next = now; // this computer was busy: no burst makes up for it
             }
             self.ports.refresh();
+            self.reports.refresh();
+            self.others.iter_mut().for_each(|other| other.batch.refresh());
             self.tell(stream, |ns| (i128::from(ns) - i128::from(zero_ns)) as f64 * 1e-9)?;
         }
     }
@@ -154,22 +142,23 @@ impl Watch {
             let samples = Samples {
                 truth: ports.truth.get(),
                 nav: ports.nav.get(),
+                arm: ports.arm.get(),
                 links: ports.links.get(),
                 mission: ports.mission.get(),
                 target: self.seen.as_ref(),
-                fired: ports.valves.samples().iter().fold(0, |all, state| all | mask(&state.valves)),
+                pushing: ports.valves.samples().iter().fold(0, |all, state| all | mask(&state.valves)),
             };
-            if let Some(frame) = self.scene.frame(seconds(stamp_ns), &samples) {
+            if let Some(frame) = self.stage.frame(seconds(stamp_ns), &samples) {
                 say(stream, "frame", &frame)?;
             }
         }
-        for health in ports.health.samples() {
+        for health in self.reports.health.samples() {
             say(stream, "health", &HealthRow::of(seconds(health.stamp_ns), health))?;
         }
-        for event in ports.events.samples().iter().filter(|event| event.severity >= Event::INFO) {
+        for event in self.reports.events.samples().iter().filter(|event| event.severity >= Event::INFO) {
             say(stream, "event", &EventRow::of(seconds(event.stamp_ns), event))?;
         }
-        let mut others = self.ports.others.iter_mut().filter_map(|other| other.row(&seconds));
+        let mut others = self.others.iter_mut().filter_map(|other| other.row(&seconds));
         others.try_for_each(|row| say(stream, "other", &row))
     }
 }

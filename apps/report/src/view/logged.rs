@@ -1,8 +1,9 @@
 //! A log as the page wants it: frames at the picture's rate, reports of health, events.
 
-use super::frame::{EventRow, Frame, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Scene};
+use super::frame::{EventRow, Frame, HealthRow, OTHER_PERIOD_NS, OtherRow, Samples, Stage};
 use crate::report::Flight;
 use fss_messages::{Event, Header, MocapPose, Sample};
+use fss_plant::scene::mask;
 use fss_records::log::Log;
 use fss_service::topics_of;
 use miette::{IntoDiagnostic, Result};
@@ -27,7 +28,7 @@ struct Logged {
 /// Names what is wrong with the log or missing.
 pub(super) fn read(log: &Log) -> Result<(String, String)> {
     let flight = Flight::read(log)?;
-    let scene = Scene::of(flight.stack.clone())?;
+    let stage = Stage::of(flight.stack.clone())?;
     let [start_s, end_s] = flight.span_s();
     let period_s = (1.0 / RATE_HZ).max((end_s - start_s) / MOST_FRAMES);
     let seen: Vec<MocapPose> = flight.target.iter().filter(|p| p.quality == MocapPose::VALID).copied().collect();
@@ -37,29 +38,27 @@ pub(super) fn read(log: &Log) -> Result<(String, String)> {
     let mut valves_from = 0;
     for k in 0..=count {
         let t_s = start_s + k as f64 * period_s;
-        let fired = flight.valves[valves_from..].iter().take_while(|v| flight.seconds(v.stamp_ns) <= t_s);
-        let (mut mask, mut passed) = (0, 0);
-        for state in fired {
-            mask |= super::frame::mask(&state.valves);
-            passed += 1;
-        }
-        valves_from += passed;
+        let passed = flight.valves[valves_from..].partition_point(|v| flight.seconds(v.stamp_ns) <= t_s);
+        let passed = &flight.valves[valves_from..valves_from + passed];
+        let pushing = passed.iter().fold(0, |all, state| all | mask(&state.valves));
+        valves_from += passed.len();
         let samples = Samples {
             truth: newest(&flight, records.truth(), t_s),
             nav: newest(&flight, records.nav(), t_s),
+            arm: newest(&flight, records.arm(), t_s),
             links: newest(&flight, &flight.links, t_s),
             mission: newest(&flight, records.states(), t_s),
             target: newest(&flight, &seen, t_s),
-            fired: mask,
+            pushing,
         };
-        frames.extend(scene.frame(t_s, &samples));
+        frames.extend(stage.frame(t_s, &samples));
     }
     let health = records.health().iter().map(|h| HealthRow::of(flight.seconds(h.stamp_ns), h)).collect();
     let events = records.events().iter().filter(|e| e.severity >= Event::INFO);
     let events = events.map(|e| EventRow::of(flight.seconds(e.stamp_ns), e)).collect();
     let others = others(log, &flight)?;
     let text = serde_json::to_string(&Logged { frames, health, events, others }).into_diagnostic()?;
-    Ok((scene.json(false), text))
+    Ok((stage.json(false)?, text))
 }
 
 /// Now and then a sample of each topic of services from elsewhere.

@@ -2,9 +2,10 @@
 
 use super::Look;
 use super::contours::{COLOURS, Field};
-use crate::drawing::plane::{Plot, arc, picture};
-use fss_multibody::{Coordinates, Manipulability, Model};
+use crate::drawing::plane::{Plot, picture};
+use fss_multibody::{Manipulability, Model, coordinates};
 use fss_plant::Plant;
+use fss_plant::scene::{Posture, Scene, arc};
 use fss_workspace::reach::{Ring, best_manipulability_by_place, reachable_rings};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -60,7 +61,7 @@ pub(super) fn held_workspace(plant: &Plant, model: &Model, limits_rad: &[f64], b
     for ring in rings.first().into_iter().chain(rings.last()) {
         plot.line(&arc(center, ring.radius_m, ring.angles_rad[0], ring.angles_rad[1]), EDGE);
     }
-    plot.vehicle(plant, model, &posture(best.1), 1.0);
+    plot.scene(&Scene::of(plant, None), &Posture::of(model, [0.0; 3], best.1), 1.0);
     let size = plot.outer_size();
     let mut content = plot.finish();
     content.push_str(&legend([size[0] + 6.0, 34.0], size[1] - 80.0, &levels, step));
@@ -141,17 +142,9 @@ fn legend(corner: [f64; 2], height: f64, levels: &[f64], step: f64) -> String {
     svg
 }
 
-fn posture(q_rad: &[f64]) -> Coordinates {
-    let mut q = Coordinates::zeros();
-    for (slot, value) in q.iter_mut().skip(3).zip(q_rad) {
-        *slot = *value;
-    }
-    q
-}
-
 /// Figure 7: how far the end-effector goes along straight lines from a posture, floating and with the base held.
 pub(super) fn straight_paths(plant: &Plant, model: &Model, radius_m: Option<f64>, look: &Look) -> String {
-    let q = posture(&look.q_rad);
+    let q = coordinates([0.0; 3], &look.q_rad);
     let (tip, center) = (model.end_effector(&q), model.center_of_mass(&q));
     let points = |lengths_m: &[f64]| -> Vec<[f64; 2]> {
         let angle = |k: usize| TAU * k as f64 / lengths_m.len() as f64;
@@ -179,7 +172,7 @@ pub(super) fn straight_paths(plant: &Plant, model: &Model, radius_m: Option<f64>
         plot.label([center.x, center.y + radius_m - 0.07], "middle", &format!("R = {radius_m:.3} m"));
         plot.cross([center.x, center.y], "stroke=\"#555\" stroke-width=\"1.5\"");
     }
-    plot.vehicle(plant, model, &q, 1.0);
+    plot.scene(&Scene::of(plant, None), &Posture::of(model, [0.0; 3], &look.q_rad), 1.0);
     let size = plot.outer_size();
     let mut content = plot.finish();
     let mut entries = vec![(HELD, format!("base held, {:.3} m²", look.held.area_m2))];
@@ -207,7 +200,7 @@ pub(super) fn straight_paths(plant: &Plant, model: &Model, radius_m: Option<f64>
 
 /// Figure 8: the manipulability ellipses of a posture, with the floating one in detail.
 pub(super) fn ellipsoids(plant: &Plant, model: &Model, look: &Look) -> String {
-    let q = posture(&look.q_rad);
+    let q = coordinates([0.0; 3], &look.q_rad);
     let tip = model.end_effector(&q);
     let tip = [tip.x, tip.y];
     let largest = look.held_ellipse.semi_axes_m[0].max(1e-6);
@@ -228,7 +221,8 @@ pub(super) fn ellipsoids(plant: &Plant, model: &Model, look: &Look) -> String {
     if let Some(floating) = &look.floating_ellipse {
         draw(&mut whole, floating, scale, &format!("{FLOATING} {through}"));
     }
-    whole.vehicle(plant, model, &q, 1.0);
+    let (scene, vehicle) = (Scene::of(plant, None), Posture::of(model, [0.0; 3], &look.q_rad));
+    whole.scene(&scene, &vehicle, 1.0);
     let size = whole.outer_size();
     let Some(floating) = &look.floating_ellipse else {
         whole.heading(&format!("base held; joint rates of unit norm, 1 m/s drawn as {scale} m"));
@@ -248,7 +242,7 @@ pub(super) fn ellipsoids(plant: &Plant, model: &Model, look: &Look) -> String {
     );
     detail.heading("(b) floating, in detail");
     draw(&mut detail, &look.held_ellipse, scale, HELD);
-    detail.vehicle(plant, model, &q, 0.35);
+    detail.scene(&scene, &vehicle, 0.35);
     draw(&mut detail, floating, scale, &format!("{FLOATING} {through}"));
     axes(&mut detail, tip, floating, scale);
     let height = size[1].max(detail.outer_size()[1]);

@@ -2,7 +2,7 @@
 //!
 //! To add one, write its file and add its line to the list below.
 
-use crate::effect::Effect;
+use crate::effect::{Effect, EffectError};
 use crate::file::Plant;
 use crate::kind::{EffectKind, Index, Place};
 use crate::physics::Stream;
@@ -110,6 +110,34 @@ pub fn catalogue() -> &'static [&'static dyn EffectKind] {
 /// The kind with this id.
 pub fn find(id: &str) -> Option<&'static dyn EffectKind> {
     CATALOGUE.iter().copied().find(|k| k.about().id == id)
+}
+
+impl Effect {
+    /// The effect `id` with its parameters at their plain nominal values, on all indices, from the start.
+    pub fn new(id: &str) -> Result<Self, EffectError> {
+        let kind = find(id)
+            .ok_or_else(|| EffectError { message: format!("there is no effect {id:?}"), help: suggestion(id) })?;
+        Ok(Self::of(kind))
+    }
+}
+
+/// The known ids that share the most with a misspelt one.
+fn suggestion(id: &str) -> String {
+    let pairs = |s: &str| -> Vec<(u8, u8)> { s.as_bytes().windows(2).map(|w| (w[0], w[1])).collect() };
+    let wanted = pairs(id);
+    let closest = CATALOGUE
+        .iter()
+        .map(|kind| {
+            let known = kind.about().id;
+            let own = pairs(known);
+            let shared = own.iter().filter(|p| wanted.contains(p)).count();
+            (2 * shared * 1000 / (own.len() + wanted.len()).max(1), known)
+        })
+        .max();
+    match closest {
+        Some((likeness, known)) if likeness > 500 => format!("did you mean {known}?"),
+        _ => "docs/effects.md lists them all".to_owned(),
+    }
 }
 
 /// Every single cause that `plant` can have, at the value that does nothing: each kind on each index, data stream or pair

@@ -1,6 +1,6 @@
 //! Forces and torques that effects add to the motion.
 
-use crate::kind::MAX_PARAMETERS;
+use crate::about::MAX_PARAMETERS;
 
 /// What a force on the base may depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]

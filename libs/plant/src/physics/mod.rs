@@ -166,3 +166,13 @@ impl Physics {
         sum
     }
 }
+
+impl Plant {
+    /// The mechanism with the effects that the plant has from the start.
+    ///
+    /// # Errors
+    /// When effects make a mass or an inertia impossible.
+    pub fn model(&self) -> Result<Model, ModelError> {
+        Physics::at(self, 0.0).model(0.0)
+    }
+}

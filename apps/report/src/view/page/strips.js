@@ -8,7 +8,7 @@ const DEGREES = 180 / Math.PI;
 
 /** What is shown of a frame: title, names of the lines, their values, least range. */
 function charts(scene, frames) {
-  const joints = Array.from({ length: scene.links }, (_, k) => `${k + 1}`);
+  const joints = scene.links.map((_, k) => `${k + 1}`);
   const has = (key) => frames.some((f) => f[key] !== undefined);
   const all = [
     ["base heading, deg", [""], (f) => [f.base[2] * DEGREES], 0.5],
@@ -29,7 +29,7 @@ export function drawStrips(canvas, scene, frames, events, [from, to], now, index
   const shown = frames.filter((f) => f.t >= from && f.t <= to);
   const rows = charts(scene, shown);
   const [band, row, axis] = [16, 8, 16];
-  const raster = row * scene.thrusters.length;
+  const raster = row * scene.plumes.length;
   const lines = Math.max(24, (height - axis - 2 * TITLE - band - raster - 12) / rows.length - TITLE);
   c.font = "11px system-ui, sans-serif";
   let top = 0;
@@ -139,20 +139,20 @@ function plot(c, chart, frames, current, x, top, height, width) {
 }
 
 function valves(c, scene, frames, x, top, row, width) {
-  frameOf(c, "valves", top, row * scene.thrusters.length, width);
+  frameOf(c, "valves", top, row * scene.plumes.length, width);
   c.textAlign = "right";
-  scene.thrusters.forEach((_, k) => {
+  scene.plumes.forEach((_, k) => {
     const y = top + TITLE + row * k;
     c.fillStyle = "#666";
     c.font = "9px system-ui, sans-serif";
     c.fillText(`${k + 1}`, LEFT - 4, y + row - 1);
     c.fillStyle = COLOURS[k % 2];
     for (let i = 1; i < frames.length; i++) {
-      if ((frames[i].fired >> k) & 1) c.fillRect(x(frames[i - 1].t), y + 1, Math.max(1, x(frames[i].t) - x(frames[i - 1].t)), row - 2);
+      if ((frames[i].pushing >> k) & 1) c.fillRect(x(frames[i - 1].t), y + 1, Math.max(1, x(frames[i].t) - x(frames[i - 1].t)), row - 2);
     }
   });
   c.font = "11px system-ui, sans-serif";
-  return top + TITLE + row * scene.thrusters.length;
+  return top + TITLE + row * scene.plumes.length;
 }
 
 function timeAxis(c, from, to, x, top) {

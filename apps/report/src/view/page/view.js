@@ -30,7 +30,8 @@ const state = { now: 0, playing: false, follows: scene.live, heard: 0, timeAt: (
 byId("title").textContent = scene.title;
 byId("title").title = scene.description;
 document.title = `${scene.title} - fss view`;
-byId("target-key").hidden = scene.target_radius === null;
+byId("target-key").hidden = scene.target.length === 0;
+for (const [name, colour] of Object.entries(scene.colours)) document.documentElement.style.setProperty(`--${name}`, colour);
 
 /** Index of the last frame at or before a time. */
 function indexAt(time) {

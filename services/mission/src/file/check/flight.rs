@@ -6,7 +6,7 @@
 use super::{Checked, For, number};
 use crate::error::Fault;
 use crate::file::{ArmGoal, BaseGoal, Mission, Phase, Pulse, raw};
-use fss_multibody::{Coordinates, Model, State};
+use fss_multibody::{Coordinates, Model, State, coordinates};
 use fss_plant::Plant;
 use std::ops::Range;
 use toml::Spanned;
@@ -67,15 +67,9 @@ struct Flight<'a> {
 
 impl<'a> Flight<'a> {
     fn begin(mission: &Mission, plant: &'a Plant, model: &'a Model) -> Self {
-        let mut q = Coordinates::zeros();
         let initial = &mission.initial;
-        for (slot, value) in q.iter_mut().zip(initial.base_pose.iter().chain(&initial.q_rad)) {
-            *slot = *value;
-        }
-        let mut state = State::at_rest(q);
-        for (slot, value) in state.v.iter_mut().zip(initial.base_rate.iter().chain(&initial.qd_rad_s)) {
-            *slot = *value;
-        }
+        let q = coordinates(initial.base_pose, &initial.q_rad);
+        let state = State { q, v: coordinates(initial.base_rate, &initial.qd_rad_s) };
         let linear = model.momentum(&state).linear / model.total_mass_kg();
         let rate = [linear.x, linear.y, initial.base_rate[2]];
         Self { plant, model, q, rate, gas_kg: 0.0, is_elsewhere: false }
