@@ -48,7 +48,7 @@ mod tests {
         assert_eq!(
             masses_that_move(&[inertia, drive], &[Run::default()]),
             None,
-            "folders of CSV files tell no commands"
+            "without an arm nothing was commanded"
         );
         Ok(())
     }

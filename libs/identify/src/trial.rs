@@ -90,8 +90,6 @@ pub(crate) trait Record: Sync + Send {
     fn flight<'a>(&'a self, trial: &Trial) -> Result<Box<dyn Flight + 'a>, ModelError>;
     /// Whether an effect can make itself felt in this run at all.
     fn feels(&self, effect: &Effect) -> bool;
-    /// Whether windows must be fitted anew wherever the plant changes, their motion being far from linear.
-    fn is_chaotic(&self) -> bool;
     /// Whether it is known what drivers were told, so that drives can be simulated.
     fn tells_commands(&self) -> bool {
         false

@@ -36,7 +36,7 @@ pub(crate) struct Floating {
 
 impl Floating {
     /// `None` where the run lacks what it takes: poses of the base.
-    pub(crate) fn new(trial: &Trial, run: &Run, window_s: f64) -> Result<Option<Self>, ModelError> {
+    pub(crate) fn new(trial: &Trial, run: &Run) -> Result<Option<Self>, ModelError> {
         let Some(poses) = run.base_pose.as_ref().filter(|p| p.t_s.len() >= layout::FEWEST_POSES) else {
             return Ok(None);
         };
@@ -48,7 +48,7 @@ impl Floating {
         let arm = Arm::new(trial, &rollout, run, grid_s);
         let motion = Arc::new(arm.motion(trial, &rollout, run));
         let channels = layout::channels(trial.plant.link_count());
-        let windows = layout::windows(&trial.plant, run, window_s, start_s);
+        let windows = layout::windows(&trial.plant, run, start_s);
         let spans = windows.iter().map(|w| w.span(&trial.plant, &rollout, run, &motion, start_s)).collect();
         let valves = ValveHistory::new(run.thrust_levels.clone());
         let (run, arm_effects) = (run.clone(), arm_effects(&trial.effects));
@@ -73,10 +73,6 @@ impl Record for Floating {
 
     fn spans(&self) -> &[Span] {
         &self.spans
-    }
-
-    fn is_chaotic(&self) -> bool {
-        false
     }
 
     fn tells_commands(&self) -> bool {
