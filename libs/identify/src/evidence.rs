@@ -5,8 +5,8 @@
 //! with `M` the projector, `J_i' M J_j` and `J_k' M r` hold all that a linear fit of any subset of changes needs. The
 //! sums over windows or runs are then as cheap as they are small.
 
-use crate::floating::Floating;
-use crate::trial::{Record, Span, Trial};
+use crate::floating::Record;
+use crate::trial::{Span, Trial};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use nalgebra::{DMatrix, DVector};
@@ -30,7 +30,7 @@ type Residuals<'a> = dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>> + 'a;
 
 /// The runs of an experiment, ready to be simulated.
 pub(crate) struct Evidence {
-    pub(crate) records: Vec<Box<dyn Record>>,
+    pub(crate) records: Vec<Record>,
     /// One a window, over all runs.
     pub(crate) cells: Vec<Cell>,
 }
@@ -58,10 +58,8 @@ pub(crate) struct Cell {
 impl Evidence {
     /// Cuts the runs into windows and fits each window's own unknowns under `trial`.
     pub(crate) fn gather(trial: &Trial, runs: &[Run]) -> Result<Self, ModelError> {
-        let mut records: Vec<Box<dyn Record>> = Vec::new();
-        for run in runs {
-            records.extend(Floating::new(trial, run)?.map(|r| Box::new(r) as Box<dyn Record>));
-        }
+        let records = runs.iter().filter_map(|run| Record::new(trial, run).transpose());
+        let records = records.collect::<Result<Vec<_>, _>>()?;
         let cells = cells(&records, trial, &[])?;
         Ok(Self { records, cells })
     }
@@ -107,7 +105,7 @@ impl Evidence {
     }
 }
 
-fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
+fn cells(records: &[Record], trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
     let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
         let flight = records[r].flight(trial)?;
         let spans = records[r].spans().par_iter().enumerate();

@@ -91,8 +91,6 @@ fn is_askable(effect: &Effect, runs: &[Run]) -> bool {
     let any = |f: &dyn Fn(&Run) -> bool| runs.iter().any(f);
     let opens = |i: usize| any(&|r| r.fires(i));
     let joints = any(&|r| r.joints.is_some());
-    let current = any(&|r| r.joints.as_ref().is_some_and(|j| !j.current_a.is_empty()));
-    let torque = any(&|r| r.joints.as_ref().is_some_and(|j| !j.torque_nm.is_empty()));
     // A joint at rest is held by friction, of whatever size up to its most: what its motor gives then goes nowhere.
     let moves = effect.index().is_none_or(|joint| runs.iter().any(|run| run.moves(joint)));
     let mocap = any(&|r| r.base_pose.is_some());
@@ -113,11 +111,12 @@ fn is_askable(effect: &Effect, runs: &[Run]) -> bool {
         }
         "gyro_bias" | "gyro_scale" => gyro && mocap,
         "mocap_latency" | "marker_offset" | "marker_yaw" | "mocap_rotation" => mocap,
-        "torque_constant" | "joint_coulomb_friction" | "joint_viscous_friction" | "joint_stribeck_friction" => {
-            current && moves
-        }
-        "torque_sensor" => torque && moves,
-        "joint_spring" => joints && moves,
+        "torque_constant"
+        | "torque_sensor"
+        | "joint_spring"
+        | "joint_coulomb_friction"
+        | "joint_viscous_friction"
+        | "joint_stribeck_friction" => joints && moves,
         "payload" | "link_mass" | "link_com" | "link_inertia" => joints,
         _ => match effect.about().place {
             Place::Thruster => effect.index().map_or(valves, opens),
