@@ -66,8 +66,8 @@ fn found(args: &DiagnoseArgs, say: &(dyn Fn(&str) + Sync)) -> Result<(Diagnosis,
     let plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
     let fitted = runs::read(&args.runs, &plant)?;
     let validation = runs::read(&args.validate, &plant)?;
-    let of_logs = args.runs.iter().any(|run| log::log_of(run).is_some());
-    let diagnosis = diagnose((args.engine, of_logs), &plant, &fitted, &validation, say).into_diagnostic()?;
+    let of_logs = args.runs.iter().chain(&args.validate).all(|run| log::log_of(run).is_some());
+    let diagnosis = diagnose((args.engine, of_logs), &plant, &fitted, &validation, say)?;
     if diagnosis.before.is_empty() && diagnosis.validation_before.is_empty() {
         return Err(nothing_to_simulate(&fitted));
     }

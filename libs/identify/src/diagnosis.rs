@@ -1,16 +1,13 @@
 //! The diagnosis: where the simulation is wrong, what causes it, the extended model, and what knowing it is worth.
 
 use crate::contest::{Contest, Selection};
-use crate::empirical::{of_joints, winner};
-use crate::hypothesis::OUTSIDE;
+use crate::empirical::winner;
 use crate::in_motion::{carried_out, masses_that_move};
 use crate::inputs::{Mismatch, mismatches};
-use crate::misfit::{ChannelMisfit, Windows};
 use crate::prediction::{Data, Runs, overall, predictive};
-use crate::search::selected;
 use crate::unexplained::{Unexplained, describe};
 use crate::verdict::{Judgement, after_validation, judge, nothing_asserted};
-use fss_diagnosis::diagnosis::{Gain, Verdict};
+use fss_diagnosis::diagnosis::{ChannelMisfit, Gain, Verdict};
 use fss_diagnosis::examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
@@ -76,13 +73,12 @@ pub fn diagnose(
     let Examined { plant, runs, remarks } = examine(plant, runs);
     let validation = examine(&plant, validation).runs;
     let (plant, runs, validation) = (&plant, &runs[..], &validation[..]);
-    let windows = Windows::suited_to(plant, runs);
     progress("simulating every cause");
-    let mut contest = Contest::new(plant, runs, windows)?;
+    let mut contest = Contest::new(plant, runs)?;
     if contest.evidence.cells.is_empty() {
         return Ok(nothing_to_say(plant, remarks));
     }
-    let mut selection = selected(&mut contest, plant, runs, progress)?;
+    let mut selection = contest.select(progress)?;
     let (as_read, moved) = (Runs { fitted: runs, validation }, masses_that_move(&selection.after.effects, runs));
     let anew = match &moved {
         Some(masses) => (carried_out(runs, plant, masses)?, carried_out(validation, plant, masses)?),
@@ -91,14 +87,14 @@ pub fn diagnose(
     let (runs, validation) = if moved.is_some() { (&anew.0[..], &anew.1[..]) } else { (runs, validation) };
     if moved.is_some() {
         progress("moving the arm as these masses let it");
-        contest = Contest::new(plant, runs, windows)?;
-        selection = selected(&mut contest, plant, runs, progress)?;
+        contest = Contest::new(plant, runs)?;
+        selection = contest.select(progress)?;
     }
     let mut judged = judge(&contest, &selection);
     let mut input_mismatch = Vec::new();
     if judged.verdict.leaves_something() {
         progress("looking whether commands belong to their motion");
-        input_mismatch = mismatches(&contest.trial_with(&selection.after.effects), runs, windows)?;
+        input_mismatch = mismatches(&contest.trial_with(&selection.after.effects), runs)?;
         let rest: Vec<Run> =
             runs.iter().filter(|run| input_mismatch.iter().all(|m| m.run != run.name)).cloned().collect();
         if !input_mismatch.is_empty() && !rest.is_empty() {
@@ -108,7 +104,7 @@ pub fn diagnose(
             judged.assert_nothing();
         }
     }
-    let data = Data { as_read, carried_out: Runs { fitted: runs, validation }, windows };
+    let data = Data { as_read, carried_out: Runs { fitted: runs, validation } };
     let concluded = conclude(&mut contest, &selection, judged, &data, progress)?;
     Ok(Diagnosis { remarks, input_mismatch, ..concluded })
 }
@@ -122,7 +118,7 @@ fn conclude(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
     progress("measuring the gain");
-    let Judgement { mut verdict, mut causes, mut suspects, outside } = judged;
+    let Judgement { mut verdict, mut causes, mut suspects } = judged;
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let file = contest.settled(&selection.before.nuisance);
     let with_causes = contest.settled(&selection.after.nuisance);
@@ -139,30 +135,23 @@ fn conclude(
     let mut extended = if causes.is_empty() { file.clone() } else { with_causes };
     extended.effects.extend(causes.iter().map(|c| c.effect.clone()));
     let (before, mut after) = (data.told_as_read(&file)?, data.told(&extended)?);
-    verdict = after_validation(verdict, data.left(&extended, after.judged())?);
+    verdict = after_validation(verdict, overall(after.judged()).powi(2));
     let (ranking, confusability) = ranking(contest, selection);
     let (mut unexplained, mut empirical) = (None, Vec::new());
     if verdict.leaves_something() {
         progress("looking at what is left");
         let seen = match verdict {
             Verdict::Unexplained => &selection.before,
-            _ if outside.is_empty() => &selection.after,
-            _ => &contest.only(&selection.after, |_, effect| effect.id() != OUTSIDE)?,
+            _ => &selection.after,
         };
-        let fitted = data.carried_out.fitted;
-        let mut left = describe(contest, seen, &outside, fitted)?;
-        if !outside.is_empty() {
-            let is_kept = |e: &Effect| e.id() == OUTSIDE || causes.iter().any(|cause| cause.effect == *e);
-            let with_laws = contest.only(&selection.after, |_, e| is_kept(e))?;
-            left.terms.push(of_joints(&with_laws, &outside, fitted));
-        }
+        let left = describe(contest, seen, data.carried_out.fitted)?;
         if let Some((with_term, laws)) = winner(&left.terms, &seen.effects, contest, &extended, data)? {
             (after, extended, empirical) = (data.told(&with_term)?, with_term, laws);
         }
         unexplained = Some(left);
     }
     let gain = Gain { before: overall(before.judged()), after: overall(after.judged()) };
-    let moved = contest.off_file(&selection.after.nuisance);
+    let moved = selection.after.nuisance.iter().copied();
     Ok(Diagnosis {
         remarks: Vec::new(),
         input_mismatch: Vec::new(),

@@ -1,10 +1,8 @@
 //! Empirical terms for what no known effect explains: laws that name no cause, and act only where the fitted runs were.
 
 use crate::contest::{Contest, Refined};
-use crate::hypothesis::OUTSIDE;
-use crate::prediction::Data;
+use crate::prediction::{Data, overall};
 use crate::sensitivity::Column;
-use crate::verdict::Cause;
 use fss_experiments::measured::{Poses, Run};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, EffectError, Plant};
@@ -12,6 +10,8 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+/// The id of a law that is none of the catalogue's.
+pub(crate) const UNMODELLED: &str = "unmodelled";
 /// Strength at which a law's column is taken: little enough to be in proportion, N, N m, N s/m.
 const PROBE: f64 = 1e-3;
 /// A period is sharper than the grid: it is narrowed down to this share of a turn between the ends of what the runs cover.
@@ -34,7 +34,7 @@ pub(crate) struct Term {
     pub(crate) nuisance: DVector<f64>,
     /// By how much the sum of squares falls.
     pub(crate) gain: f64,
-    /// Laws at their phases, and the strength of each: together the effects. None of a clamped arm.
+    /// Laws at their phases, and the strength of each: together the effects.
     probes: Vec<Effect>,
     strengths: DVector<f64>,
 }
@@ -132,7 +132,7 @@ impl Dependence {
 
     /// Its laws, each at the phases that make up any.
     fn probes(self, axis_rad: f64, runs: &[Run]) -> Result<Vec<Effect>, EffectError> {
-        let unknown = Effect::new(OUTSIDE)?;
+        let unknown = Effect::new(UNMODELLED)?;
         let mut probes = Vec::new();
         for (channel, direction_rad) in self.laws(axis_rad) {
             let [from, to] = self.range(channel, direction_rad, runs);
@@ -176,22 +176,6 @@ impl Dependence {
     }
 }
 
-/// The laws outside the catalogue that were fitted to a clamped arm, where its joints were that fast.
-pub(crate) fn of_joints(fit: &Refined, laws: &[Cause], runs: &[Run]) -> Term {
-    let bounded = |effect: &Effect| {
-        let joint = effect.channel()?.strip_prefix("joint_torque_")?.strip_suffix("_by_rate")?.parse::<usize>().ok()?;
-        let rates = runs.iter().filter_map(|run| run.joints.as_ref()?.qd_rad_s.get(joint - 1));
-        let [from, to] = bounds(rates.flatten().copied());
-        let mut effect = effect.clone();
-        effect.set("from", from).and_then(|()| effect.set("to", to)).ok()?;
-        Some(effect)
-    };
-    let own = fit.effects.iter().filter(|effect| effect.id() == OUTSIDE);
-    let gain = laws.iter().map(|law| law.gain).sum();
-    let effects = own.filter_map(bounded).collect();
-    Term { effects, nuisance: fit.nuisance.clone(), gain, probes: Vec::new(), strengths: DVector::zeros(0) }
-}
-
 /// The model with the term that predicts runs best that were kept out of the fit, if one wins there, and its laws. The terms were
 /// fitted beside these effects.
 pub(crate) fn winner(
@@ -204,7 +188,7 @@ pub(crate) fn winner(
     if data.carried_out.validation.is_empty() {
         return Ok(None);
     }
-    let left = |plant: &Plant| data.left(plant, &data.predicted(plant)?);
+    let left = |plant: &Plant| -> Result<f64, ModelError> { Ok(overall(&data.predicted(plant)?).powi(2)) };
     let with = |contest: &Contest, term: &Term| {
         let mut plant = contest.settled(&term.nuisance);
         plant.effects.clone_from(&extended.effects);

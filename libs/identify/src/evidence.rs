@@ -5,28 +5,21 @@
 //! with `M` the projector, `J_i' M J_j` and `J_k' M r` hold all that a linear fit of any subset of changes needs. The
 //! sums over windows or runs are then as cheap as they are small.
 
-use crate::misfit::Windows;
-use crate::trial::{Record, Span, Trial};
-use crate::{clamped::Clamped, floating::Floating};
+use crate::floating::Record;
+use crate::trial::{Span, Trial};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Rounds of Gauss-Newton for a window's own unknowns.
-const ROUNDS: usize = 8;
-/// The same, from where another trial left them.
-const ROUNDS_AGAIN: usize = 2;
-
+const ROUNDS: usize = 16;
 /// Where another trial asks a window's own unknowns to move by more than this (square, in standard deviations), they do: what
 /// is linear near by is not so far away.
 const FAR: f64 = 25.0;
 /// And at most so often.
 const ROUNDS_FAR: usize = 3;
 
-/// Motion that is not chaotic may take so many times as many rounds, and never goes uphill.
-const ROUNDS_IF_CALM: usize = 2;
-const UPHILL_IF_CHAOTIC: f64 = 1.5;
 /// Share of a step that is taken back where it was too long.
 const BACK: f64 = 0.7;
 /// A step that leaves less than this share of the sum of squares was long enough to linearize anew.
@@ -37,7 +30,7 @@ type Residuals<'a> = dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>> + 'a;
 
 /// The runs of an experiment, ready to be simulated.
 pub(crate) struct Evidence {
-    pub(crate) records: Vec<Box<dyn Record>>,
+    pub(crate) records: Vec<Record>,
     /// One a window, over all runs.
     pub(crate) cells: Vec<Cell>,
 }
@@ -64,30 +57,21 @@ pub(crate) struct Cell {
 
 impl Evidence {
     /// Cuts the runs into windows and fits each window's own unknowns under `trial`.
-    pub(crate) fn gather(trial: &Trial, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
-        let mut records: Vec<Box<dyn Record>> = Vec::new();
-        for run in runs {
-            if trial.plant.base.clamped {
-                records.extend(Clamped::new(trial, run, windows.arm_s).map(|r| Box::new(r) as Box<dyn Record>));
-            } else {
-                records.extend(Floating::new(trial, run, windows.base_s)?.map(|r| Box::new(r) as Box<dyn Record>));
-            }
-        }
-        let cells = cells(&records, trial, &[], ROUNDS)?;
+    pub(crate) fn gather(trial: &Trial, runs: &[Run]) -> Result<Self, ModelError> {
+        let records = runs.iter().filter_map(|run| Record::new(trial, run).transpose());
+        let records = records.collect::<Result<Vec<_>, _>>()?;
+        let cells = cells(&records, trial, &[])?;
         Ok(Self { records, cells })
     }
 
     /// Fits each window's own unknowns anew under `trial`, from where they are.
     pub(crate) fn settle(&mut self, trial: &Trial) -> Result<(), ModelError> {
-        self.cells = cells(&self.records, trial, &self.cells, ROUNDS)?;
+        self.cells = cells(&self.records, trial, &self.cells)?;
         Ok(())
     }
 
-    /// The same cells under another trial: fitted anew where motion is chaotic, else with the unknowns of before, or near them.
+    /// The same cells under another trial, with the unknowns of before, or near them.
     pub(crate) fn under(&self, trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
-        if self.records.iter().any(|r| r.is_chaotic()) {
-            return cells(&self.records, trial, before, ROUNDS_AGAIN);
-        }
         let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
             let flight = self.records[r].flight(trial)?;
             let spans = self.records[r].spans();
@@ -121,7 +105,7 @@ impl Evidence {
     }
 }
 
-fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: usize) -> Result<Vec<Cell>, ModelError> {
+fn cells(records: &[Record], trial: &Trial, before: &[Cell]) -> Result<Vec<Cell>, ModelError> {
     let of_record = |r: usize| -> Result<Vec<Cell>, ModelError> {
         let flight = records[r].flight(trial)?;
         let spans = records[r].spans().par_iter().enumerate();
@@ -132,11 +116,8 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
                     return None;
                 }
                 let of = |x: &[Vec<f64>]| flight.residuals(w, x);
-                let off = |x: &Vec<f64>| whitened(span, x, &of(std::slice::from_ref(x))[0]).norm_squared();
-                // Chaotic motion that another trial was fitted to can be farther from this one than what was measured is.
-                let is_led_astray = |c: &&Cell| records[r].is_chaotic() && off(&span.guess) < off(&c.unknowns);
-                let start = old.filter(|c| !is_led_astray(c)).map_or(&span.guess, |c| &c.unknowns);
-                let mut fresh = Cell::fit((r, w), span, start, rounds, records[r].is_chaotic(), &of);
+                let start = old.map_or(&span.guess, |c| &c.unknowns);
+                let mut fresh = Cell::fit((r, w), span, start, &of);
                 if let (Some(cell), Some(old)) = (&mut fresh, old) {
                     cell.weigh(old.weights.clone());
                 }
@@ -152,37 +133,28 @@ fn cells(records: &[Box<dyn Record>], trial: &Trial, before: &[Cell], rounds: us
 impl Cell {
     /// Fits a window's own unknowns by Gauss-Newton with differences; `None` where they are not determined.
     ///
-    /// A floating base answers its initial state nearly linearly: a Jacobian serves until a step has changed much. Chaotic
-    /// motion needs a fresh one each round.
-    fn fit(
-        (record, window): (usize, usize),
-        span: &Span,
-        guess: &[f64],
-        rounds: usize,
-        is_chaotic: bool,
-        residuals: &Residuals,
-    ) -> Option<Self> {
+    /// A floating base answers its initial state nearly linearly: a Jacobian serves until a step has changed much.
+    fn fit((record, window): (usize, usize), span: &Span, guess: &[f64], residuals: &Residuals) -> Option<Self> {
         let n = guess.len();
         let mut unknowns = guess.to_vec();
         let mut cell: Option<Self> = None;
         let mut last = f64::INFINITY;
         let mut change = DVector::zeros(n);
         let mut jacobian = None;
-        let (rounds, uphill) = if is_chaotic { (rounds, UPHILL_IF_CHAOTIC) } else { (ROUNDS_IF_CALM * rounds, 1.0) };
-        for _ in 0..rounds {
+        for _ in 0..ROUNDS {
             let here = whitened(span, &unknowns, &residuals(std::slice::from_ref(&unknowns))[0]);
             let now = here.norm_squared();
             if !now.is_finite() && cell.is_none() {
                 return None;
             }
-            if now.is_nan() || now > uphill * last {
+            if now.is_nan() || now > last {
                 // Too far: most of the way back. Where dry friction holds a base, say, what is linear ends nearby.
                 change *= BACK;
                 unknowns.iter_mut().zip(change.iter()).for_each(|(u, c)| *u -= c);
                 change *= 1.0 / BACK - 1.0;
                 continue;
             }
-            let is_near = !is_chaotic && now > MUCH_BETTER * last;
+            let is_near = now > MUCH_BETTER * last;
             let near = jacobian.take().filter(|_| is_near).map(|jacobian| (jacobian, here));
             let (known, residual) = near.unwrap_or_else(|| linearized(span, &unknowns, residuals));
             let jacobian = jacobian.insert(known);

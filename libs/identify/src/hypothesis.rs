@@ -36,9 +36,6 @@ const CYCLES: &[f64] = &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 /// Widths of a drive's play at which it is looked for, rad: how long a link takes from one side to the other is no matter of proportion.
 const PLAYS_RAD: &[f64] = &[0.0005, 0.002, 0.006];
 
-/// The id of what is none of the catalogue's.
-pub(crate) const OUTSIDE: &str = "unmodelled";
-
 /// Every cause that these runs could show.
 pub(crate) fn hypotheses(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
     let mut candidates = effects::candidates(plant);
@@ -46,20 +43,8 @@ pub(crate) fn hypotheses(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
     for id in ["thruster_gain", "thruster_rise_time"] {
         candidates.extend(Effect::new(id).ok().map(|e| e.nominal(plant)));
     }
-    candidates.retain(|e| is_askable(e, plant, runs));
-    candidates.iter().chain(&outside(plant, runs)).flat_map(hypotheses_of).collect()
-}
-
-/// What no effect of the catalogue is, and would be taken for one: a drag that grows faster than in proportion to a joint's rate
-/// is no viscous friction. Where a plant file tells what it knows, its arm is simulated near enough to the noise to see that.
-fn outside(plant: &Plant, runs: &[Run]) -> Vec<Effect> {
-    if !plant.base.clamped || plant.uncertainty.is_none() {
-        return Vec::new();
-    }
-    let moves = |joint: &usize| runs.iter().any(|run| run.moves(*joint));
-    let drag =
-        |joint: usize| Some(Effect::new(OUTSIDE).ok()?.nominal(plant).on(&format!("joint_torque_{joint}_by_rate")));
-    (1..=plant.link_count()).filter(moves).filter_map(drag).collect()
+    candidates.retain(|e| is_askable(e, runs));
+    candidates.iter().flat_map(hypotheses_of).collect()
 }
 
 fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
@@ -91,7 +76,7 @@ fn hypotheses_of(nominal: &Effect) -> Vec<Hypothesis> {
 
 /// Drives whose links may swing on them, where logs tell what these were told.
 pub(crate) fn swinging(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
-    if plant.base.clamped || runs.iter().all(|run| run.commands.is_none()) {
+    if runs.iter().all(|run| run.commands.is_none()) {
         return Vec::new();
     }
     let drives = effects::candidates(plant).into_iter().filter(|e| e.id() == "joint_flexibility");
@@ -102,45 +87,40 @@ pub(crate) fn swinging(plant: &Plant, runs: &[Run]) -> Vec<Hypothesis> {
 }
 
 /// Whether anything in these runs could ever show the effect.
-fn is_askable(effect: &Effect, plant: &Plant, runs: &[Run]) -> bool {
+fn is_askable(effect: &Effect, runs: &[Run]) -> bool {
     let any = |f: &dyn Fn(&Run) -> bool| runs.iter().any(f);
     let opens = |i: usize| any(&|r| r.fires(i));
     let joints = any(&|r| r.joints.is_some());
-    let current = any(&|r| r.joints.as_ref().is_some_and(|j| !j.current_a.is_empty()));
-    let torque = any(&|r| r.joints.as_ref().is_some_and(|j| !j.torque_nm.is_empty()));
     // A joint at rest is held by friction, of whatever size up to its most: what its motor gives then goes nowhere.
     let moves = effect.index().is_none_or(|joint| runs.iter().any(|run| run.moves(joint)));
     let mocap = any(&|r| r.base_pose.is_some());
     let gyro = any(&|r| r.gyro.is_some());
-    let floats = !plant.base.clamped;
     let valves = any(&Run::fires_at_all);
     match effect.id() {
         "clock_offset" => match effect.channel() {
             Some("mocap") => mocap,
             Some("base_pose" | "ee_pose") => mocap && any(&|r| r.ee_pose.is_some()),
             Some("gyro") => gyro && mocap,
-            Some("joints") => joints && floats,
+            Some("joints") => joints,
             Some("valves") => valves,
             _ => false,
         },
-        "thruster_leak" => floats,
+        "thruster_leak" => true,
         "valve_swap" => {
             effect.index().is_some_and(&opens) || effect.get("other_index").is_some_and(|i| opens(i as usize))
         }
         "gyro_bias" | "gyro_scale" => gyro && mocap,
         "mocap_latency" | "marker_offset" | "marker_yaw" | "mocap_rotation" => mocap,
-        "torque_constant" => current && moves,
-        "joint_coulomb_friction" | "joint_viscous_friction" | "joint_stribeck_friction" => {
-            moves && (current || (plant.base.clamped && joints))
-        }
-        "torque_sensor" => torque && moves,
-        "joint_spring" => joints && moves,
-        // An arm that is simulated from its current would need its rotors' state too.
-        "joint_flexibility" | "joint_backlash" | "drive_kinematic_error" if !floats => false,
+        "torque_constant"
+        | "torque_sensor"
+        | "joint_spring"
+        | "joint_coulomb_friction"
+        | "joint_viscous_friction"
+        | "joint_stribeck_friction" => joints && moves,
         "payload" | "link_mass" | "link_com" | "link_inertia" => joints,
         _ => match effect.about().place {
             Place::Thruster => effect.index().map_or(valves, opens),
-            Place::Base | Place::Mass => floats,
+            Place::Base | Place::Mass => true,
             _ => joints,
         },
     }
@@ -173,13 +153,9 @@ impl Hypothesis {
         if self.is_discrete || self.nominal.id() == "drive_kinematic_error" { 1 } else { self.parameters() }
     }
 
-    /// Number of parameters that are fitted: of an exchange none, and of what is outside the catalogue its size.
+    /// Number of parameters that are fitted: of an exchange none.
     pub(crate) fn parameters(&self) -> usize {
-        match self.nominal.id() {
-            _ if self.is_discrete => 0,
-            OUTSIDE => 1,
-            _ => self.nominal.values().len(),
-        }
+        if self.is_discrete { 0 } else { self.nominal.values().len() }
     }
 
     /// A stiffness that is nominally without bound is asked for by its inverse.

@@ -23,7 +23,7 @@ pub(crate) fn carried_out(runs: &[Run], plant: &Plant, masses: &[Effect]) -> Res
     let anew = |run: &Run| {
         let commands = run.commands.clone().map(|commands| Commands { beside: masses.to_vec(), ..commands });
         let joint_command = commands.as_ref().map(|commands| commands.carried_out(plant)).transpose()?;
-        Ok(Run { commands, joint_command: joint_command.or_else(|| run.joint_command.clone()), ..run.clone() })
+        Ok(Run { commands, joint_command, ..run.clone() })
     };
     runs.par_iter().map(anew).collect()
 }
@@ -48,7 +48,7 @@ mod tests {
         assert_eq!(
             masses_that_move(&[inertia, drive], &[Run::default()]),
             None,
-            "folders of CSV files tell no commands"
+            "without an arm nothing was commanded"
         );
         Ok(())
     }

@@ -5,7 +5,6 @@
 //! than none are not those of the motion. Whose they are instead, another run's or the same at another time, is tried next.
 
 use crate::evidence::Evidence;
-use crate::misfit::Windows;
 use crate::trial::Trial;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
@@ -35,9 +34,9 @@ impl std::fmt::Display for Mismatch {
 }
 
 /// Finds such runs among those that `trial` does not explain.
-pub(crate) fn mismatches(trial: &Trial, runs: &[Run], windows: Windows) -> Result<Vec<Mismatch>, ModelError> {
+pub(crate) fn mismatches(trial: &Trial, runs: &[Run]) -> Result<Vec<Mismatch>, ModelError> {
     let of = |(i, run): (usize, &Run)| -> Result<Option<Mismatch>, ModelError> {
-        let left = |levels: &[(f64, Vec<f64>)]| mean_square(trial, run, levels, windows);
+        let left = |levels: &[(f64, Vec<f64>)]| mean_square(trial, run, levels);
         let Some(own) = left(&run.thrust_levels)?.filter(|own| *own > UNEXPLAINED) else { return Ok(None) };
         if !run.fires_at_all() || left(&[])?.is_none_or(|coasting| coasting > own) {
             return Ok(None);
@@ -66,14 +65,9 @@ pub(crate) fn mismatches(trial: &Trial, runs: &[Run], windows: Windows) -> Resul
 }
 
 /// What is left of a run if these were its commands; `None` where nothing can be simulated.
-fn mean_square(
-    trial: &Trial,
-    run: &Run,
-    thrust_levels: &[(f64, Vec<f64>)],
-    windows: Windows,
-) -> Result<Option<f64>, ModelError> {
+fn mean_square(trial: &Trial, run: &Run, thrust_levels: &[(f64, Vec<f64>)]) -> Result<Option<f64>, ModelError> {
     let run = Run { thrust_levels: thrust_levels.to_vec(), ..run.clone() };
-    let cells = Evidence::gather(trial, std::slice::from_ref(&run), windows)?.cells;
+    let cells = Evidence::gather(trial, std::slice::from_ref(&run))?.cells;
     let freedom: f64 = cells.iter().map(|cell| cell.freedom).sum();
     let left: f64 = cells.iter().map(|cell| cell.residual.norm_squared()).sum();
     Ok((freedom > 0.0).then(|| left / freedom))

@@ -1,48 +1,36 @@
 //! Where the simulation is wrong: its error over what noise alone would give, channel by channel, window by window.
 //!
 //! Long simulations drift apart for any small reason, so each run is cut into windows with an initial state of their own
-//! (multiple shooting). For a floating base the joints go as telemetry and commands say, the base follows from momentum
-//! and thrust ([`fss_plant::Rollout`]), and its initial state is fitted to the window. For a clamped arm the joints
-//! themselves are simulated from their measured state, driven by the measured current or by nothing.
+//! (multiple shooting). The joints go as telemetry and commands say, the base follows from momentum and thrust
+//! ([`fss_plant::Rollout`]), and its initial state is fitted to the window.
 
-mod arm;
-mod base;
-
-use fss_experiments::measured::{Drive, Run};
+use crate::evidence::Evidence;
+use crate::trial::Trial;
+use fss_diagnosis::diagnosis::ChannelMisfit;
+use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
 
-pub use fss_diagnosis::diagnosis::ChannelMisfit;
-
-/// How runs are cut.
-#[derive(Clone, Copy, Debug)]
-pub struct Windows {
-    /// Length of a window of a floating base, s.
-    pub base_s: f64,
-    /// Length of a window of a clamped arm, s.
-    pub arm_s: f64,
-}
-
-impl Windows {
-    /// What suits a plant and its runs: 5 s of a floating base; 0.5 s of an arm that is driven by a measured current, whose
-    /// errors add up; 4.5 s of one free link and 2 s of several, whose motion is chaotic.
-    pub fn suited_to(plant: &Plant, runs: &[Run]) -> Self {
-        let driven = runs.iter().any(|run| run.drive != Drive::Free);
-        let arm_s = match (driven, plant.link_count()) {
-            (true, _) => 0.5,
-            (false, 1) => 4.5,
-            _ => 2.0,
-        };
-        Self { base_s: 5.0, arm_s }
-    }
-}
-
 /// The misfit of every channel that a run has; empty where the run has nothing that can be simulated.
-///
-/// # Errors
-/// Where the plant's effects make a mass or an inertia impossible.
-pub fn of_run(plant: &Plant, run: &Run, windows: Windows) -> Result<Vec<ChannelMisfit>, ModelError> {
-    if plant.base.clamped { arm::misfit(plant, run, windows.arm_s) } else { base::misfit(plant, run, windows) }
+pub(crate) fn of_run(plant: &Plant, run: &Run) -> Result<Vec<ChannelMisfit>, ModelError> {
+    let trial = Trial::of(plant);
+    let evidence = Evidence::gather(&trial, std::slice::from_ref(run))?;
+    let Some(record) = evidence.records.first() else { return Ok(Vec::new()) };
+    let flight = record.flight(&trial)?;
+    let mut gathered: Vec<Gathered> = record.channels().iter().map(|_| Gathered::default()).collect();
+    for cell in &evidence.cells {
+        let span = &record.spans()[cell.window];
+        let rows = flight.residuals(cell.window, std::slice::from_ref(&cell.unknowns)).remove(0);
+        for (info, residual) in span.rows.iter().zip(rows) {
+            gathered[info.channel].add(info.t_s, residual, info.variance);
+        }
+        // The fit has taken six degrees of freedom, two from each coordinate of the base.
+        for channel in &mut gathered[..3] {
+            channel.freedom -= 2.0;
+        }
+    }
+    let named = gathered.into_iter().zip(record.channels());
+    Ok(named.filter_map(|(g, name)| g.finish(&run.name, name)).collect())
 }
 
 /// Residuals of one channel as they are gathered.

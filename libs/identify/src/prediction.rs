@@ -1,9 +1,8 @@
 //! What a model is worth for runs that were kept out of the fit.
 
-use crate::evidence::Evidence;
-use crate::misfit::{ChannelMisfit, Windows, of_run};
-use crate::trial::Trial;
+use crate::misfit::of_run;
 use crate::verdict::{ALL_EXPLAINED, Cause};
+use fss_diagnosis::diagnosis::ChannelMisfit;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Plant;
@@ -27,7 +26,6 @@ pub(crate) struct Data<'a> {
     pub(crate) as_read: Runs<'a>,
     /// The same, but that the arm moves as the masses found let it, where they do.
     pub(crate) carried_out: Runs<'a>,
-    pub(crate) windows: Windows,
 }
 
 /// How far runs are from a model.
@@ -46,42 +44,27 @@ impl Told {
 impl Data<'_> {
     /// How far all runs are from a plant.
     pub(crate) fn told(&self, plant: &Plant) -> Result<Told, ModelError> {
-        self.told_of(plant, self.carried_out)
+        told_of(plant, self.carried_out)
     }
 
     /// The same of the runs as they were measured.
     pub(crate) fn told_as_read(&self, plant: &Plant) -> Result<Told, ModelError> {
-        self.told_of(plant, self.as_read)
-    }
-
-    fn told_of(&self, plant: &Plant, runs: Runs) -> Result<Told, ModelError> {
-        Ok(Told { fitted: self.misfit(plant, runs.fitted)?, validation: self.misfit(plant, runs.validation)? })
+        told_of(plant, self.as_read)
     }
 
     /// How far the runs kept for it are from a plant, channel by channel.
     pub(crate) fn predicted(&self, plant: &Plant) -> Result<Vec<ChannelMisfit>, ModelError> {
-        self.misfit(plant, self.carried_out.validation)
+        misfit(plant, self.carried_out.validation)
     }
+}
 
-    fn misfit(&self, plant: &Plant, runs: &[Run]) -> Result<Vec<ChannelMisfit>, ModelError> {
-        let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run, self.windows)).collect();
-        Ok(all?.into_iter().flatten().collect())
-    }
+fn told_of(plant: &Plant, runs: Runs) -> Result<Told, ModelError> {
+    Ok(Told { fitted: misfit(plant, runs.fitted)?, validation: misfit(plant, runs.validation)? })
+}
 
-    /// Mean square that a plant leaves of the runs that judge it. Of a clamped arm, each window's first state may be fitted: a few
-    /// swings begun where they were measured tell more of that noise than of the plant.
-    pub(crate) fn left(&self, plant: &Plant, judged: &[ChannelMisfit]) -> Result<f64, ModelError> {
-        let begun_as_measured = overall(judged).powi(2);
-        if !plant.base.clamped {
-            return Ok(begun_as_measured);
-        }
-        let Runs { fitted, validation } = self.carried_out;
-        let judged = if validation.is_empty() { fitted } else { validation };
-        let cells = Evidence::gather(&Trial::of(plant), judged, self.windows)?.cells;
-        let freedom: f64 = cells.iter().map(|cell| cell.freedom).sum();
-        let fitted = cells.iter().map(|cell| cell.residual.norm_squared()).sum::<f64>() / freedom;
-        Ok(if freedom > 0.0 { fitted.min(begun_as_measured) } else { begun_as_measured })
-    }
+fn misfit(plant: &Plant, runs: &[Run]) -> Result<Vec<ChannelMisfit>, ModelError> {
+    let all: Result<Vec<_>, _> = runs.par_iter().map(|run| of_run(plant, run)).collect();
+    Ok(all?.into_iter().flatten().collect())
 }
 
 /// RMS of the ratios of all channels; those of unknown noise decide nothing.

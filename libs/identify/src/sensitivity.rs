@@ -10,10 +10,8 @@ use fss_plant::Effect;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Step of an uncertain value, standard deviations; where half a deviation is many noises it is no derivative any more, and what
-/// several values do alike cannot be told apart with it.
+/// Step of an uncertain value, standard deviations.
 const STEP: f64 = 0.5;
-const STEP_IF_CHAOTIC: f64 = 0.01;
 /// A step that changes the whitened rows by more than this (RMS) is too long to be taken for a derivative.
 const LARGEST_CHANGE: f64 = 2.0;
 /// And one that changes them by less drowns in rounding.
@@ -122,11 +120,10 @@ impl Evidence {
         uncertain: &[Uncertain],
         hypotheses: &[&Hypothesis],
     ) -> Result<Vec<Column>, ModelError> {
-        let step = if self.records.iter().any(|r| r.is_chaotic()) { STEP_IF_CHAOTIC } else { STEP };
         let of_value = |u: &Uncertain| -> Result<Vec<Column>, ModelError> {
-            let moved = Trial { plant: u.moved(&trial.plant, step), effects: trial.effects.clone() };
+            let moved = Trial { plant: u.moved(&trial.plant, STEP), effects: trial.effects.clone() };
             let end = self.residuals(&moved, &self.cells)?;
-            Ok(vec![self.cells.iter().zip(end).map(|(c, after)| (&c.residual - after) / step).collect()])
+            Ok(vec![self.cells.iter().zip(end).map(|(c, after)| (&c.residual - after) / STEP).collect()])
         };
         let mut all: Vec<Column> =
             uncertain.par_iter().map(of_value).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();

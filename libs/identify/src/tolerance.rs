@@ -4,13 +4,12 @@
 //! an uncertain value does, and has to be asserted only for what it is beyond that.
 
 use crate::hypothesis::Hypothesis;
-use fss_plant::{Effect, Plant};
+use fss_plant::Plant;
 
 /// Standard deviations of a hypothesis' coordinates that come in for nothing; `None` where there is no such thing.
 pub(crate) fn tolerance(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>> {
-    // A shape of no strength cannot be felt, and what a clamped arm's file states comes in as an uncertain value already.
-    let comes_in = hypothesis.has_shape || (plant.base.clamped && stated(&hypothesis.nominal, plant).is_some());
-    if comes_in { None } else { unsaid(hypothesis, plant) }
+    // A shape of no strength cannot be felt.
+    if hypothesis.has_shape { None } else { unsaid(hypothesis, plant) }
 }
 
 /// Standard deviations of a hypothesis' coordinates that go without saying; of one with a shape, of its strength.
@@ -20,23 +19,6 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
     }
     let effect = &hypothesis.nominal;
     let nominal = effect.values()[0].abs();
-    if plant.base.clamped {
-        if let Some(sd) = stated(effect, plant) {
-            return Some(vec![sd]);
-        }
-        // What swings under gravity was taken apart and weighed, but its inertia came from a drawing.
-        return match effect.id() {
-            "link_mass" => Some(vec![0.01 * nominal]),
-            "link_com" => {
-                Some(vec![0.01 * effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m)])
-            }
-            "link_inertia" => Some(vec![0.1 * nominal]),
-            "encoder_offset" | "joint_spring" => Some(vec![2e-3]),
-            "encoder_scale" if plant.uncertainty.is_some() => Some(vec![2e-3]),
-            "link_latency" => Some(vec![1e-3]),
-            _ => None,
-        };
-    }
     let mass_kg = plant.base.mass_kg + plant.links.iter().map(|l| l.mass_kg).sum::<f64>();
     let inertia_kg_m2 = plant.base.inertia_kg_m2;
     let link_m = effect.index().and_then(|i| plant.links.get(i - 1)).map_or(0.3, |l| l.length_m);
@@ -68,24 +50,4 @@ pub(crate) fn unsaid(hypothesis: &Hypothesis, plant: &Plant) -> Option<Vec<f64>>
         _ => return None,
     };
     Some(sd)
-}
-
-/// How well the plant file says that it knows what an effect changes of a link.
-fn stated(effect: &Effect, plant: &Plant) -> Option<f64> {
-    let known = plant.uncertainty.as_ref()?;
-    let sd = match effect.id() {
-        "link_mass" => known.link_mass_kg,
-        "link_com" => known.com_to_next_joint_m,
-        "link_inertia" => known.link_inertia_kg_m2,
-        "encoder_offset" => known.joint_offset_rad,
-        // Static friction above dry friction is as uncertain as this is.
-        "joint_coulomb_friction" | "joint_stribeck_friction" => known.coulomb_friction_n_m,
-        "joint_viscous_friction" => known.viscous_friction_n_m_s_rad,
-        "torque_constant" => {
-            let link = effect.index().and_then(|i| plant.links.get(i - 1))?;
-            known.torque_constant_n_m_a / link.torque_constant_n_m_a
-        }
-        _ => 0.0,
-    };
-    (sd > 0.0).then_some(sd)
 }

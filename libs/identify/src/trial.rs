@@ -38,7 +38,7 @@ impl Trial {
 /// A row of residuals before whitening: what was measured less what is simulated.
 #[derive(Clone, Debug)]
 pub(crate) struct RowInfo {
-    /// Index of its channel in [`Record::channels`].
+    /// Index of its channel in [`crate::floating::Record::channels`].
     pub(crate) channel: usize,
     /// Time, s.
     pub(crate) t_s: f64,
@@ -76,30 +76,4 @@ impl Span {
     pub(crate) fn whiten(&self, rows: &[f64]) -> Vec<f64> {
         self.whitening.iter().map(|w| w.sum.iter().map(|(row, weight)| weight * rows[*row as usize]).sum()).collect()
     }
-}
-
-/// A measured run, cut into windows.
-pub(crate) trait Record: Sync + Send {
-    /// Name of the run.
-    fn name(&self) -> &str;
-    /// Names of the channels.
-    fn channels(&self) -> &[String];
-    /// The windows.
-    fn spans(&self) -> &[Span];
-    /// The run under a trial.
-    fn flight<'a>(&'a self, trial: &Trial) -> Result<Box<dyn Flight + 'a>, ModelError>;
-    /// Whether an effect can make itself felt in this run at all.
-    fn feels(&self, effect: &Effect) -> bool;
-    /// Whether windows must be fitted anew wherever the plant changes, their motion being far from linear.
-    fn is_chaotic(&self) -> bool;
-    /// Whether it is known what drivers were told, so that drives can be simulated.
-    fn tells_commands(&self) -> bool {
-        false
-    }
-}
-
-/// A run under a trial.
-pub(crate) trait Flight: Sync {
-    /// Measured less simulated in window `window`, for each of several values of the window's own unknowns.
-    fn residuals(&self, window: usize, unknowns: &[Vec<f64>]) -> Vec<Vec<f64>>;
 }

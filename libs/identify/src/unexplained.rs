@@ -1,9 +1,7 @@
 //! What no known effect explains: where it acts and what it depends on.
 
 use crate::contest::{Contest, GYRO, Refined, Shaken};
-use crate::empirical::{Dependence, Term, columns, velocity};
-use crate::hypothesis::OUTSIDE;
-use crate::verdict::Cause;
+use crate::empirical::{Dependence, Term, UNMODELLED, columns, velocity};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
@@ -32,36 +30,24 @@ pub struct Unexplained {
     pub(crate) terms: Vec<Term>,
 }
 
-/// Looks at what is left of a fit; these fitted it better than any known effect.
-pub(crate) fn describe(
-    contest: &mut Contest,
-    fit: &Refined,
-    outside: &[Cause],
-    runs: &[Run],
-) -> Result<Unexplained, ModelError> {
-    let floats = !contest.trial.plant.base.clamped;
+/// Looks at what is left of a fit.
+pub(crate) fn describe(contest: &mut Contest, fit: &Refined, runs: &[Run]) -> Result<Unexplained, ModelError> {
     // The contest may have fitted the windows to other causes since.
-    let refined = if floats {
-        contest.centre(&fit.effects, &fit.hypotheses)?;
-        &contest.only(fit, |_, _| true)?
-    } else {
-        fit
-    };
+    contest.centre(&fit.effects, &fit.hypotheses)?;
+    let refined = &contest.only(fit, |_| true)?;
     let contest = &*contest;
     let left = contest.unexplained(&refined.residuals, &refined.nuisance);
-    let (closing, closing_share) = if floats { closing(contest, refined, &left)? } else { (Vec::new(), 0.0) };
+    let (closing, closing_share) = closing(contest, refined, &left)?;
     let mut depends_on = Vec::new();
     if closing_share > 0.0 {
         depends_on.push(("a force on the base that is steady within each window".to_owned(), closing_share));
     }
-    if floats {
-        depends_on.extend(place_and_speed(&closing, runs));
-    }
+    depends_on.extend(place_and_speed(&closing, runs));
     let excess = refined.chi2 - refined.freedom;
     let share = |gain: f64| if excess > 0.0 { (gain / excess).min(1.0) } else { 0.0 };
     let axis_rad = principal_axis_rad(&closing);
     let mut terms = Vec::new();
-    for dependence in Dependence::ALL.into_iter().filter(|_| floats) {
+    for dependence in Dependence::ALL {
         if let Some((frequency, term)) = dependence.term(contest, refined, axis_rad, runs)? {
             let words = in_words(dependence, frequency, &term);
             depends_on.extend(words.map(|words| (words, share(term.gain))));
@@ -69,7 +55,6 @@ pub(crate) fn describe(
         }
     }
     depends_on.retain(|(_, share)| *share > WORTH_SAYING);
-    depends_on.extend(outside.iter().map(|law| (words(&law.effect), share(law.gain))));
     let air = contest.air(refined);
     if air.is_too_strong() && depends_on.iter().all(|(_, share)| *share < ALL_BUT_NOTHING) {
         let (axis, times) = air.strongest();
@@ -93,25 +78,11 @@ pub(crate) fn describe(
     Ok(Unexplained { mean_square: refined.mean_square(), worst, closing, depends_on, terms })
 }
 
-/// A law that no effect of the catalogue has.
-fn words(law: &Effect) -> String {
-    let joint = law.channel().and_then(|c| c.strip_prefix("joint_torque_")?.strip_suffix("_by_rate"));
-    match joint {
-        Some(joint) => {
-            format!(
-                "the square of the rate of joint {joint}: a torque against it of {:.4} N m s2/rad2",
-                law.values()[0]
-            )
-        }
-        None => law.to_string(),
-    }
-}
-
 /// Forces along both axes and a torque that do not change.
 fn steady() -> Vec<Effect> {
     let laws = [("base_force", 0.0), ("base_force", FRAC_PI_2), ("base_torque", 0.0)];
     let law = |(channel, direction_rad)| {
-        let effect = Effect::new(OUTSIDE).ok()?.on(channel);
+        let effect = Effect::new(UNMODELLED).ok()?.on(channel);
         Some(effect.with(&[1e-3, 0.0, direction_rad, FRAC_PI_2]))
     };
     laws.into_iter().filter_map(law).collect()

@@ -1,7 +1,6 @@
 //! What it comes to: consistent, explained, partly or not, and which causes are asserted.
 
 use crate::contest::{Contest, DOUBTFUL, Refined, Selection};
-use crate::hypothesis::OUTSIDE;
 use fss_diagnosis::diagnosis::Verdict;
 use fss_plant::{Effect, Place};
 
@@ -47,11 +46,6 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// Whether it is none of the catalogue's.
-    pub(crate) fn is_outside(&self) -> bool {
-        self.effect.id() == OUTSIDE
-    }
-
     /// Probability that this cause, or another in its place, is there.
     fn is_there(&self) -> f64 {
         let others: f64 = self.alternatives.iter().map(|other| other.probability).sum();
@@ -75,16 +69,9 @@ pub(crate) struct Judgement {
     pub(crate) causes: Vec<Cause>,
     /// What fitted best, but is not.
     pub(crate) suspects: Vec<Cause>,
-    /// Laws that fitted best and are no known effect's.
-    pub(crate) outside: Vec<Cause>,
 }
 
 impl Judgement {
-    fn new(verdict: Verdict, causes: Vec<Cause>, doubtful: Vec<Cause>) -> Self {
-        let (outside, suspects) = doubtful.into_iter().partition(Cause::is_outside);
-        Self { verdict, causes, suspects, outside }
-    }
-
     /// Takes every assertion back.
     pub(crate) fn assert_nothing(&mut self) {
         self.verdict = Verdict::Unexplained;
@@ -110,15 +97,16 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
                 .collect(),
         })
         .collect();
+    let none = |verdict, suspects| Judgement { verdict, causes: Vec::new(), suspects };
     let left = selection.after.mean_square();
     let air = contest.air(&selection.after);
     if all.iter().all(|cause| cause.is_there() < ASSERTED) {
-        return Judgement::new(nothing_asserted(contest, &selection.before), Vec::new(), all);
+        return none(nothing_asserted(contest, &selection.before), all);
     }
     let excess = selection.before.chi2 - selection.before.freedom;
     let share = if excess > 0.0 { (selection.before.chi2 - selection.after.chi2) / excess } else { 1.0 };
     if left > DOUBTFUL && share < MOST {
-        return Judgement::new(Verdict::Unexplained, Vec::new(), all);
+        return none(Verdict::Unexplained, all);
     }
     // Whatever still pushes the base may have lent its strength to a cause that pushes it too.
     let air_before = contest.air(&selection.before);
@@ -130,20 +118,19 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
         c.effect.id() == "base_mass" && lighter > LIGHT && air_before.strongest().1 < LENT * lighter
     };
     let pushed = pushed || (air_before.is_too_strong() && all.iter().any(lends));
-    let is_doubtful = |c: &Cause| {
-        c.is_outside() || pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster)
-    };
+    let is_doubtful =
+        |c: &Cause| pushed && matches!(c.effect.about().place, Place::Base | Place::Mass | Place::Thruster);
     let (asserted, doubtful): (Vec<_>, Vec<_>) =
         all.into_iter().partition(|c| !is_doubtful(c) && c.is_there() >= ASSERTED);
     if asserted.is_empty() {
-        return Judgement::new(Verdict::Unexplained, asserted, doubtful);
+        return none(Verdict::Unexplained, doubtful);
     }
     let whole = !air.is_too_strong()
         && left < ALL_EXPLAINED
         && doubtful.is_empty()
         && stands_out(contest, &selection.after) < 2.0 * CONSISTENT_CHANNEL;
     let verdict = if whole { Verdict::Explained } else { Verdict::PartlyExplained };
-    Judgement::new(verdict, asserted, doubtful)
+    Judgement { verdict, causes: asserted, suspects: doubtful }
 }
 
 /// RMS over noise of the channel that stands out most from what is left.

@@ -4,46 +4,61 @@ use clap::ValueEnum;
 use fss_diagnosis::diagnosis::{Alternative, Cause, Diagnosis, Remainder};
 use fss_experiments::measured::Run;
 use fss_identify::diagnosis as windowed;
-use fss_multibody::ModelError;
 use fss_plant::Plant;
+use miette::{IntoDiagnostic, Result, miette};
 
 /// How causes are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Engine {
-    /// By evidence for measured experiments, in windows for logs of `fss run`.
+    /// In windows for logs of `fss run` of floating bases, by evidence for everything else.
     #[default]
     Auto,
-    /// By fits of the motion in windows, and rules of what may be told.
+    /// By fits of the motion in windows, and rules of what may be told: of logs of `fss run` of floating bases.
     Windowed,
     /// By their marginal likelihood, with a structured discrepancy of inferred strength.
     Evidence,
 }
 
 impl Engine {
-    /// The engine for runs, some of them logs or none.
-    fn chosen(self, of_logs: bool) -> Self {
+    /// The engine for runs of a plant, all of them logs or not.
+    ///
+    /// # Errors
+    /// Where the windowed engine is asked for what it does not read.
+    fn chosen(self, plant: &Plant, of_logs: bool) -> Result<Self> {
+        let is_clamped = plant.base.clamped;
         match self {
-            Self::Auto if of_logs => Self::Windowed,
-            Self::Auto => Self::Evidence,
-            named => named,
+            Self::Auto if of_logs && !is_clamped => Ok(Self::Windowed),
+            Self::Auto => Ok(Self::Evidence),
+            Self::Windowed if is_clamped => Err(not_windowed("the base of the plant file is clamped")),
+            Self::Windowed if !of_logs => Err(not_windowed("not all of the runs are logs")),
+            named => Ok(named),
         }
     }
 }
 
-/// Diagnoses runs of a plant, some of them logs or none.
+fn not_windowed(why: &str) -> miette::Report {
+    miette!(
+        help = "leave --engine out, or take --engine evidence",
+        "--engine windowed reads logs of `fss run` of floating bases, but {why}"
+    )
+}
+
+/// Diagnoses runs of a plant, all of them logs or not.
 ///
 /// # Errors
-/// Where the plant's values or effects make a mass or an inertia impossible.
+/// Where the engine does not read such runs, or the plant's values or effects make a mass or an inertia impossible.
 pub(super) fn diagnose(
     (engine, of_logs): (Engine, bool),
     plant: &Plant,
     runs: &[Run],
     validation: &[Run],
     say: &(dyn Fn(&str) + Sync),
-) -> Result<Diagnosis, ModelError> {
-    match engine.chosen(of_logs) {
-        Engine::Windowed | Engine::Auto => windowed::diagnose(plant, runs, validation, say).map(of_windowed),
-        Engine::Evidence => fss_diagnosis::diagnose(plant, runs, validation, say),
+) -> Result<Diagnosis> {
+    match engine.chosen(plant, of_logs)? {
+        Engine::Windowed | Engine::Auto => {
+            windowed::diagnose(plant, runs, validation, say).map(of_windowed).into_diagnostic()
+        }
+        Engine::Evidence => fss_diagnosis::diagnose(plant, runs, validation, say).into_diagnostic(),
     }
 }
 

@@ -1,28 +1,24 @@
 //! The contest of possible causes: screened all at once by what a linear fit would gain, the best refitted with the real
 //! simulation, taken one after the other as long as the data insist.
 
-mod at_once;
 mod noise;
 mod refine;
 mod rules;
 mod screen;
 mod select;
-mod settle;
 mod sides;
 mod swing;
 mod take;
 mod weigh;
 
-pub(crate) use at_once::MOST_AT_ONCE;
 pub(crate) use noise::{GYRO, Shaken};
 pub(crate) use refine::Refined;
 pub(crate) use rules::DOUBTFUL;
 pub(crate) use screen::Screened;
-pub(crate) use select::{MOST_CAUSES, Selection};
+pub(crate) use select::Selection;
 
 use crate::evidence::Evidence;
 use crate::hypothesis::{Hypothesis, hypotheses};
-use crate::misfit::Windows;
 use crate::normal::Normal;
 use crate::sensitivity::{Column, normals};
 use crate::tolerance::tolerance;
@@ -32,7 +28,9 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use settle::FARTHEST;
+
+/// Farther than this from its file no value is moved, standard deviations: beyond it would be a cause of its own.
+const FARTHEST: f64 = 4.0;
 
 /// Everything that the contest is about.
 pub(crate) struct Contest {
@@ -45,8 +43,6 @@ pub(crate) struct Contest {
     screen: Vec<Normal>,
     columns: Vec<DMatrix<f64>>,
     nuisance_count: usize,
-    /// How far the nuisances stand from where the plant file has them, in standard deviations.
-    moved: DVector<f64>,
     /// Mean square that whitened rows have where the plant is as right as it can be: 1 where nothing but noise is left,
     /// more where no cause explains all. Priors are weighed against it, or they would count for nothing.
     pub(crate) unit: f64,
@@ -69,9 +65,9 @@ pub(crate) struct Reduced {
 
 impl Contest {
     /// Gathers the evidence of `runs` and how every cause would show in it.
-    pub(crate) fn new(plant: &Plant, runs: &[Run], windows: Windows) -> Result<Self, ModelError> {
+    pub(crate) fn new(plant: &Plant, runs: &[Run]) -> Result<Self, ModelError> {
         let trial = Trial::of(plant);
-        let evidence = Evidence::gather(&trial, runs, windows)?;
+        let evidence = Evidence::gather(&trial, runs)?;
         let uncertain = stated(plant);
         let hypotheses = hypotheses(plant, runs);
         let order = Order::new(plant, &uncertain, &hypotheses);
@@ -86,16 +82,12 @@ impl Contest {
             screen: Vec::new(),
             columns,
             nuisance_count,
-            moved: DVector::zeros(nuisance_count),
             unit: 1.0,
             shaken: None,
             factor: None,
         };
         let all: Vec<usize> = (0..contest.hypotheses.len()).collect();
         contest.linearize(&[], &all)?;
-        if contest.is_chaotic() {
-            contest.settle(runs)?;
-        }
         contest.loosen(runs)?;
         Ok(contest)
     }
@@ -153,23 +145,6 @@ impl Contest {
         self.factor = own.cholesky();
     }
 
-    /// Whether every window's motion must be fitted anew wherever the plant changes.
-    fn is_chaotic(&self) -> bool {
-        self.evidence.records.iter().any(|r| r.is_chaotic())
-    }
-
-    /// Whether uncertain values were moved to where they fit, before anything was asked.
-    pub(crate) fn settles(&self) -> bool {
-        self.is_chaotic() && !self.uncertain.is_empty()
-    }
-
-    /// Whether uncertain values cannot explain what was measured, or only where they have no business to be.
-    pub(crate) fn is_far_off(&self, nothing: &Refined) -> bool {
-        let farthest =
-            self.off_file(&nothing.nuisance).iter().take(self.uncertain.len()).fold(0.0, |a: f64, b| a.max(b.abs()));
-        nothing.mean_square() > DOUBTFUL || farthest > FARTHEST
-    }
-
     /// Number of columns in the screen.
     fn width(&self) -> usize {
         self.order.width
@@ -185,8 +160,7 @@ impl Contest {
     pub(crate) fn reduce(&self, residuals: &[DVector<f64>], extra: &[Column]) -> Reduced {
         let (n, p) = (self.nuisance_count, extra.len());
         let mut normal = Normal::zero(p);
-        normal.c = self.unit * self.moved.norm_squared();
-        let mut right = -self.unit * &self.moved;
+        let mut right = DVector::zeros(n);
         let mut cross = DMatrix::zeros(n, p);
         for (i, residual) in residuals.iter().enumerate() {
             let own = self.columns[i].columns(0, n);
@@ -232,17 +206,11 @@ impl Contest {
         residuals.iter().zip(&self.columns).map(|(r, j)| r - j.columns(0, n) * nuisance).collect()
     }
 
-    /// The nuisances, counted from the plant file.
-    pub(crate) fn off_file(&self, nuisance: &DVector<f64>) -> Vec<f64> {
-        (nuisance + &self.moved).iter().copied().collect()
-    }
-
     /// The plant with its uncertain values where the nuisances put them.
     pub(crate) fn settled(&self, nuisance: &DVector<f64>) -> Plant {
         let mut plant = self.trial.plant.clone();
-        for ((u, by), moved) in self.uncertain.iter().zip(nuisance.iter()).zip(self.moved.iter()) {
-            // Far beyond its deviation an uncertain value would be a cause of its own.
-            plant = u.moved(&plant, (moved + by).clamp(-FARTHEST, FARTHEST) - moved);
+        for (u, by) in self.uncertain.iter().zip(nuisance.iter()) {
+            plant = u.moved(&plant, by.clamp(-FARTHEST, FARTHEST));
         }
         plant.effects.clone_from(&self.trial.effects);
         plant

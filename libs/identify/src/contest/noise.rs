@@ -96,7 +96,7 @@ impl Contest {
     pub(crate) fn worst(&self, refined: &Refined) -> Option<(String, String, f64)> {
         let name = |record: usize, channel: usize| self.evidence.records[record].channels()[channel].as_str();
         let weight = |name: &str| {
-            if name.starts_with("base") || name.starts_with("ee") || name.starts_with('q') { 1.0 } else { 0.5 }
+            if name.starts_with("base") || name.starts_with("ee") { 1.0 } else { 0.5 }
         };
         let weighed = |((record, channel), scatter): ((usize, usize), Scatter)| {
             ((record, channel), weight(name(record, channel)) * scatter.mean_square().sqrt())
@@ -134,9 +134,6 @@ impl Contest {
     /// servos, say, that move between two reports otherwise than they were told. Not so of the base's own motion, which
     /// is what everything is judged by.
     pub(super) fn loosen(&mut self, runs: &[Run]) -> Result<(), ModelError> {
-        if self.is_chaotic() {
-            return Ok(());
-        }
         let Some(mut scatter) = self.scatter_of_the_rest() else { return Ok(()) };
         let gyro = self.most_shaken(&scatter);
         self.shaken = gyro.filter(|gyro| gyro.rms.powi(2) > SHAKEN);

@@ -13,19 +13,14 @@ use std::ops::Range;
 /// Rounds of Gauss-Newton, and of a contestant of which nobody knows yet whether it is worth them.
 const ROUNDS: usize = 6;
 const ROUNDS_AT_FIRST: usize = 2;
-/// A step that gains less was the last: in the sum of squares, and as a share of it where motion is chaotic, for there a model
-/// is far from the noise and a round is dear.
+/// A step that gains less was the last.
 const LEAST_STEP: f64 = 0.5;
-const LEAST_STEP_SHARE_IF_CHAOTIC: f64 = 1e-4;
 /// A last step that gains less than this share of that is not worth taking. One that gains half of it is: where priors alone tell two
 /// clocks of a millisecond apart, that is half a millisecond.
 const IDLE_STEP: f64 = 0.05;
 
 /// Share of a drive's stiffness over which what it does is differenced: from a few times this on, swings are no matter of proportion.
 const COMPLIANCE_STEP: f64 = 2e-3;
-
-/// How much shorter a parameter is stepped where a little of it is many noises.
-const SHORTER_IF_CHAOTIC: f64 = 0.02;
 
 /// Causes with the values that fit best.
 #[derive(Clone)]
@@ -118,12 +113,11 @@ impl Contest {
             is_settled = true; // wherever this round ends before its own step counted
             let all: Vec<usize> = (0..columns.len()).collect();
             let fit = reduced.normal.fit(&all);
-            let least = self.least_step(reduced.normal.c);
-            if fit.gain < IDLE_STEP * least {
+            if fit.gain < IDLE_STEP * LEAST_STEP {
                 break;
             }
             let Some((next, better)) = self.step(hypotheses, &now, &fit, reduced.normal.c) else { break };
-            let is_last = reduced.normal.c - better < least;
+            let is_last = reduced.normal.c - better < LEAST_STEP;
             now = next;
             if !is_last {
                 columns = self.columns_at(hypotheses, &now)?;
@@ -152,11 +146,6 @@ impl Contest {
             by_column: reduced.by_column,
             is_settled,
         })
-    }
-
-    /// What a step must gain to be followed by another.
-    fn least_step(&self, chi2: f64) -> f64 {
-        if self.is_chaotic() { LEAST_STEP_SHARE_IF_CHAOTIC * chi2 } else { LEAST_STEP }
     }
 
     pub(super) fn point(&self, effects: &[Effect]) -> Result<Point, ModelError> {
@@ -189,7 +178,7 @@ impl Contest {
     }
 
     /// Effects whose fitted parameters have moved by so much, one after the other.
-    pub(super) fn moved_by(&self, hypotheses: &[usize], effects: &[Effect], step: &DVector<f64>) -> Vec<Effect> {
+    fn moved_by(&self, hypotheses: &[usize], effects: &[Effect], step: &DVector<f64>) -> Vec<Effect> {
         let mut steps = step.iter();
         let moved = |(h, effect): (&usize, &Effect)| {
             let hypothesis = &self.hypotheses[*h];
@@ -209,7 +198,7 @@ impl Contest {
     }
 
     /// Columns of every parameter at the effects' values.
-    pub(super) fn columns_at(&self, hypotheses: &[usize], at: &Point) -> Result<Vec<Column>, ModelError> {
+    fn columns_at(&self, hypotheses: &[usize], at: &Point) -> Result<Vec<Column>, ModelError> {
         let mut columns = Vec::new();
         for (k, (h, effect)) in hypotheses.iter().zip(&at.effects).enumerate() {
             let hypothesis = &self.hypotheses[*h];
@@ -218,9 +207,6 @@ impl Contest {
                 let value = effect.values()[i];
                 let mut step = (0.02 * about.scale)
                     .min(0.05 * (value - hypothesis.nominal.values()[i]).abs().max(1e-4 * about.scale));
-                if self.settles() {
-                    step *= SHORTER_IF_CHAOTIC;
-                }
                 if hypothesis.is_compliance() {
                     step = COMPLIANCE_STEP * value;
                 } else if value + step > about.upper {

@@ -48,16 +48,6 @@ impl Contest {
         refined.chi2 + 12.0 * count as f64 * unit(refined)
     }
 
-    /// What a cause that is there from the start must gain.
-    pub(super) fn least_gain(&self, effect: &Effect) -> f64 {
-        match effect.about().place {
-            Place::Base | Place::Mass | Place::Thruster => LEAST_GAIN_AT_BASE,
-            // Of such an arm every sample is simulated, and what a cause gains is what an uncertain value in its place would cost.
-            _ if self.settles() => LEAST_GAIN_AT_BASE,
-            _ => LEAST_GAIN,
-        }
-    }
-
     /// Whether the data insist on the last cause of `next`.
     pub(super) fn insists(&self, now: &Refined, next: &Refined) -> bool {
         let gain = now.chi2 - next.chi2;
@@ -68,7 +58,7 @@ impl Contest {
         let idle = self.hypotheses[next.hypotheses[last]].is_idle(&next.effects[last]);
         let (least, least_share) = match next.effects[last].onset_s() {
             Some(_) => (LEAST_GAIN_OF_ONSET, LEAST_SHARE_OF_ONSET),
-            None => (self.least_gain(&next.effects[last]), LEAST_SHARE),
+            None => (least_gain(&next.effects[last]), LEAST_SHARE),
         };
         !idle
             && self.may_be_told(next, last)
@@ -114,6 +104,14 @@ impl Contest {
             && stands_apart(refined, which)
             && !is_behind_play(&refined.effects, which)
             && !self.shares_a_simulated_drive(refined, which)
+    }
+}
+
+/// What a cause that is there from the start must gain.
+pub(super) fn least_gain(effect: &Effect) -> f64 {
+    match effect.about().place {
+        Place::Base | Place::Mass | Place::Thruster => LEAST_GAIN_AT_BASE,
+        _ => LEAST_GAIN,
     }
 }
 

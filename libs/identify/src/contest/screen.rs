@@ -38,9 +38,6 @@ impl Contest {
 
     /// Times at which something could have begun: where windows begin, but the last ones.
     fn onsets_s(&self) -> Vec<f64> {
-        if self.is_chaotic() {
-            return Vec::new(); // a model that is far from the noise everywhere has a beginning nowhere
-        }
         let mut starts: Vec<f64> = self.evidence.cells.iter().map(|c| c.from_s).filter(|t| *t > 1.0).collect();
         let latest_s = self.latest_onset_s();
         starts.retain(|t| *t <= latest_s);
@@ -76,9 +73,6 @@ impl Contest {
             sum.c += residuals[i].norm_squared();
             sum.freedom += cell.freedom;
         }
-        let mut moved = sum.b.rows_mut(0, n);
-        moved -= self.unit * &self.moved;
-        sum.c += self.unit * self.moved.norm_squared();
         let absorbed = sum.absorbed(n, self.unit);
         let own: Vec<usize> = taken.iter().flat_map(|h| self.columns_of(*h)).collect();
         let before = absorbed.fit(&own).gain;

@@ -1,6 +1,6 @@
 //! Which causes to take: forward by contest, checked on left-out runs, then backward.
 
-use super::rules::{LEAST_GAIN, unit};
+use super::rules::{DOUBTFUL, LEAST_GAIN, least_gain, unit};
 use super::screen::Screened;
 use super::{Contest, Refined};
 use fss_multibody::ModelError;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Causes taken at most.
-pub(crate) const MOST_CAUSES: usize = 4;
+const MOST_CAUSES: usize = 4;
 /// Contestants that are refitted with the real simulation, and those that look much like the best of them.
 const CONTESTANTS: usize = 8;
 const MOST_CONTESTANTS: usize = 14;
@@ -17,8 +17,6 @@ const MOST_CONTESTANTS: usize = 14;
 const WORTH_FITTING: f64 = 0.5;
 /// Of these at most so many of one kind at one place.
 const MOST_OF_A_KIND: usize = 2;
-/// The same where each refit is dear, because every window's motion must be fitted anew.
-const CONTESTANTS_IF_CHAOTIC: usize = 6;
 const ALIKE: f64 = 0.8;
 /// How many of its standard deviations one of several causes must be away from nothing. The deviations take residuals for independent
 /// between windows, which those of a wrong model are not.
@@ -56,32 +54,25 @@ pub(crate) struct Selection {
 }
 
 impl Contest {
-    /// Takes causes as long as the data insist, at most so many.
-    pub(crate) fn select(&mut self, most: usize, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
-        self.select_beside(&[], &[], Vec::new(), most, say)
+    /// Takes causes as long as the data insist.
+    pub(crate) fn select(&mut self, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
+        let selection = self.select_once(say)?;
+        let left = selection.after.mean_square();
+        if left > DOUBTFUL {
+            // Where no cause explains all, the rows are noisier than the sensors: priors must be weighed against that.
+            self.set_unit(left);
+            return self.select_once(say);
+        }
+        Ok(selection)
     }
 
-    /// The same where these were taken already, one of them alone with these rivals.
-    pub(crate) fn select_beside(
-        &mut self,
-        hypotheses: &[usize],
-        effects: &[Effect],
-        instead: Vec<Refined>,
-        most: usize,
-        say: &(dyn Fn(&str) + Sync),
-    ) -> Result<Selection, ModelError> {
+    fn select_once(&mut self, say: &(dyn Fn(&str) + Sync)) -> Result<Selection, ModelError> {
         let before = self.nothing()?;
         let mut after = before.clone();
         let mut screened = Vec::new();
-        if !hypotheses.is_empty() {
-            screened = self.screen(&before.residuals, &[]);
-            let all: Vec<usize> = (0..self.hypotheses.len()).collect();
-            self.centre(effects, &all)?;
-            after = self.refine(hypotheses, effects)?;
-        }
         let mut centre = after.clone();
-        let mut rivals: Vec<Vec<Refined>> = if instead.is_empty() { Vec::new() } else { vec![instead] };
-        while after.hypotheses.len() < most {
+        let mut rivals: Vec<Vec<Refined>> = Vec::new();
+        while after.hypotheses.len() < MOST_CAUSES {
             say(&format!("contest for cause {}", after.hypotheses.len() + 1));
             let screen = self.screen(&after.residuals, &after.hypotheses);
             let contest = self.contest(&after, &screen)?;
@@ -125,13 +116,8 @@ impl Contest {
     /// The best of the screen, each refitted beside the causes taken already; best first.
     fn contest(&self, taken: &Refined, screen: &[Screened]) -> Result<Vec<Refined>, ModelError> {
         let noise = unit(taken);
-        let (contestants, most) = if self.is_chaotic() {
-            (CONTESTANTS_IF_CHAOTIC, CONTESTANTS_IF_CHAOTIC)
-        } else {
-            (CONTESTANTS, MOST_CONTESTANTS)
-        };
         let worth = |s: &&Screened| {
-            s.gain / noise > 0.5 * self.least_gain(&s.effect)
+            s.gain / noise > 0.5 * least_gain(&s.effect)
                 && !taken.hypotheses.iter().any(|h| self.hypotheses[*h].is_same_cause(&self.hypotheses[s.hypothesis]))
                 && self.is_worth_saying(s.hypothesis, &s.effect)
         };
@@ -143,13 +129,13 @@ impl Contest {
             seen.push(kind);
             count < MOST_OF_A_KIND
         };
-        let mut chosen: Vec<&Screened> = screen.iter().filter(worth).filter(is_new).take(contestants).collect();
+        let mut chosen: Vec<&Screened> = screen.iter().filter(worth).filter(is_new).take(CONTESTANTS).collect();
         if let Some(best) = chosen.first().copied() {
-            let near: Vec<&Screened> = screen.iter().filter(worth).skip(contestants).take(40).collect();
+            let near: Vec<&Screened> = screen.iter().filter(worth).skip(CONTESTANTS).take(40).collect();
             let all: Vec<usize> = std::iter::once(best).chain(near.iter().copied()).map(|s| s.hypothesis).collect();
             let cosines = self.confusability(&all);
             let alike = near.iter().enumerate().filter(|(i, _)| cosines[(0, i + 1)] > ALIKE).map(|(_, s)| *s);
-            chosen.extend(alike.take(most - contestants));
+            chosen.extend(alike.take(MOST_CONTESTANTS - CONTESTANTS));
         }
         let clock = self.clock_of_links(taken, &chosen, screen);
         chosen.extend(clock.as_ref());
@@ -213,7 +199,7 @@ impl Contest {
             let mut dropped = None;
             for i in 0..after.hypotheses.len() {
                 let without = self.refine_without(&after, i)?;
-                if without.chi2 - after.chi2 < self.least_gain(&after.effects[i]) * unit(&after) {
+                if without.chi2 - after.chi2 < least_gain(&after.effects[i]) * unit(&after) {
                     dropped = Some(without);
                     break;
                 }
@@ -227,19 +213,15 @@ impl Contest {
     }
 
     /// Some of the causes taken, the others gone.
-    pub(crate) fn only(
-        &self,
-        taken: &Refined,
-        is_kept: impl Fn(usize, &Effect) -> bool,
-    ) -> Result<Refined, ModelError> {
+    pub(crate) fn only(&self, taken: &Refined, is_kept: impl Fn(usize) -> bool) -> Result<Refined, ModelError> {
         let all = taken.hypotheses.iter().zip(&taken.effects).enumerate();
-        let kept = all.filter(|(i, (_, effect))| is_kept(*i, effect)).map(|(_, (h, effect))| (*h, effect.clone()));
+        let kept = all.filter(|(i, _)| is_kept(*i)).map(|(_, (h, effect))| (*h, effect.clone()));
         let (hypotheses, effects): (Vec<usize>, Vec<Effect>) = kept.unzip();
         if hypotheses.is_empty() { self.nothing() } else { self.refine(&hypotheses, &effects) }
     }
 
     fn refine_without(&self, from: &Refined, which: usize) -> Result<Refined, ModelError> {
-        self.only(from, |i, _| i != which)
+        self.only(from, |i| i != which)
     }
 
     /// A cause among several whose size is not known well enough to say that it is there; windows that disagree about it
@@ -286,9 +268,7 @@ impl Contest {
         let mut starts: Vec<(usize, Effect)> = Vec::new();
         let others: Vec<usize> =
             after.hypotheses.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, h)| *h).collect();
-        for s in
-            self.screen(&without.residuals, &others).into_iter().take(if self.is_chaotic() { 3 } else { CONTESTANTS })
-        {
+        for s in self.screen(&without.residuals, &others).into_iter().take(CONTESTANTS) {
             // What a linear fit puts far behind stays there.
             if s.gain > 0.4 * (without.chi2 - after.chi2) && s.gain > LEAST_GAIN * noise && tried.insert(s.hypothesis) {
                 starts.push((s.hypothesis, s.effect));

@@ -6,6 +6,7 @@
 use super::Contest;
 use super::refine::Point;
 use crate::evidence::Cell;
+use crate::floating::Record;
 use crate::floating::swing::{STIFF_N_M_RAD, around, at_place};
 use crate::hypothesis::{Hypothesis, swinging};
 use fss_experiments::measured::Run;
@@ -59,7 +60,7 @@ impl Contest {
 
     /// Whether a log tells what drivers were told, so that drives can be simulated.
     pub(super) fn tells_commands(&self) -> bool {
-        self.evidence.records.iter().any(|record| record.tells_commands())
+        self.evidence.records.iter().any(Record::tells_commands)
     }
 
     /// Whether an effect is a drive on which a link swings, and it is simulated so.

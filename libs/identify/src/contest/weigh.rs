@@ -127,9 +127,9 @@ impl Contest {
             return 1.0; // nothing of it is fitted
         }
         let left = self.unexplained(&refined.residuals, &refined.nuisance);
-        let (taken, off_file) = (refined.by_column.select_columns(&own), &refined.nuisance + &self.moved);
+        let (taken, off_file) = (refined.by_column.select_columns(&own), &refined.nuisance);
         let share = self.unit / left.len().max(1) as f64;
-        let (prior_g, prior_b) = (share * taken.tr_mul(&taken), share * taken.tr_mul(&off_file));
+        let (prior_g, prior_b) = (share * taken.tr_mul(&taken), share * taken.tr_mul(off_file));
         let normals: Vec<Normal> = (0..left.len())
             .map(|i| Normal {
                 g: nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| {

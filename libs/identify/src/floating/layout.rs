@@ -14,6 +14,8 @@ use fss_plant::{Grid, Plant, Rollout};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3};
 use std::ops::Range;
 
+/// Length of a window, about, s.
+const WINDOW_S: f64 = 5.0;
 /// A window with fewer poses cannot hold an initial state of six numbers and say anything.
 pub(super) const FEWEST_POSES: usize = 12;
 /// Poses within this of a window's start tell its first guess, s.
@@ -62,14 +64,14 @@ pub(super) fn channels(links: usize) -> Vec<String> {
     names
 }
 
-/// Cuts a run into windows of about `window_s`.
-pub(super) fn windows(plant: &Plant, run: &Run, window_s: f64, start_s: f64) -> Vec<Window> {
+/// Cuts a run into windows.
+pub(super) fn windows(plant: &Plant, run: &Run, start_s: f64) -> Vec<Window> {
     let Some(poses) = &run.base_pose else { return Vec::new() };
     let within = |t: Option<&Vec<f64>>, from: f64, to: f64| {
         t.map_or(0..0, |t| t.partition_point(|t| *t < from)..t.partition_point(|t| *t < to))
     };
     let (first_s, last_s) = (poses.t_s[0], poses.t_s[poses.t_s.len() - 1]);
-    let count = ((last_s - first_s) / window_s).round().max(1.0);
+    let count = ((last_s - first_s) / WINDOW_S).round().max(1.0);
     let length_s = (last_s - first_s) / count;
     let mut out = Vec::new();
     for i in 0..count as usize {

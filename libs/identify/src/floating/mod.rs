@@ -6,7 +6,7 @@ pub(crate) mod swing;
 mod telemetry;
 mod torque;
 
-use crate::trial::{Flight, Record, Span, Trial};
+use crate::trial::{Span, Trial};
 use arm::{Arm, ArmMotion};
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
@@ -20,8 +20,8 @@ pub(crate) const STEP_S: f64 = 0.02;
 /// Simulated before and after a window, so that late samples can be looked up, s.
 const MARGIN_S: f64 = 0.3;
 
-/// A run of a floating base.
-pub(crate) struct Floating {
+/// A run of a floating base, cut into windows.
+pub(crate) struct Record {
     run: Run,
     valves: ValveHistory,
     arm: Arm,
@@ -34,9 +34,9 @@ pub(crate) struct Floating {
     spans: Vec<Span>,
 }
 
-impl Floating {
+impl Record {
     /// `None` where the run lacks what it takes: poses of the base.
-    pub(crate) fn new(trial: &Trial, run: &Run, window_s: f64) -> Result<Option<Self>, ModelError> {
+    pub(crate) fn new(trial: &Trial, run: &Run) -> Result<Option<Self>, ModelError> {
         let Some(poses) = run.base_pose.as_ref().filter(|p| p.t_s.len() >= layout::FEWEST_POSES) else {
             return Ok(None);
         };
@@ -48,42 +48,35 @@ impl Floating {
         let arm = Arm::new(trial, &rollout, run, grid_s);
         let motion = Arc::new(arm.motion(trial, &rollout, run));
         let channels = layout::channels(trial.plant.link_count());
-        let windows = layout::windows(&trial.plant, run, window_s, start_s);
+        let windows = layout::windows(&trial.plant, run, start_s);
         let spans = windows.iter().map(|w| w.span(&trial.plant, &rollout, run, &motion, start_s)).collect();
         let valves = ValveHistory::new(run.thrust_levels.clone());
         let (run, arm_effects) = (run.clone(), arm_effects(&trial.effects));
         Ok(Some(Self { run, valves, arm, motion, arm_effects, start_s, channels, windows, spans }))
     }
-}
 
-/// Those effects that may change how the arm moves, or what its encoders tell of it.
-fn arm_effects(effects: &[Effect]) -> Vec<Effect> {
-    let is_elsewhere = |e: &&Effect| matches!(e.about().place, Place::Base | Place::Mass | Place::Thruster);
-    effects.iter().filter(|e| !is_elsewhere(e)).cloned().collect()
-}
-
-impl Record for Floating {
-    fn name(&self) -> &str {
+    /// Name of the run.
+    pub(crate) fn name(&self) -> &str {
         &self.run.name
     }
 
-    fn channels(&self) -> &[String] {
+    /// Names of the channels.
+    pub(crate) fn channels(&self) -> &[String] {
         &self.channels
     }
 
-    fn spans(&self) -> &[Span] {
+    /// The windows.
+    pub(crate) fn spans(&self) -> &[Span] {
         &self.spans
     }
 
-    fn is_chaotic(&self) -> bool {
-        false
-    }
-
-    fn tells_commands(&self) -> bool {
+    /// Whether it is known what drivers were told, so that drives can be simulated.
+    pub(crate) fn tells_commands(&self) -> bool {
         self.run.commands.is_some()
     }
 
-    fn feels(&self, effect: &Effect) -> bool {
+    /// Whether an effect can make itself felt in this run at all.
+    pub(crate) fn feels(&self, effect: &Effect) -> bool {
         let line = effect.index().filter(|_| effect.about().place == Place::Thruster && effect.id() != "thruster_leak");
         let other = if effect.id() == "valve_swap" { effect.get("other_index").map(|v| v as usize) } else { None };
         let opens = |i: usize| self.run.fires(i);
@@ -94,26 +87,35 @@ impl Record for Floating {
         }
     }
 
-    fn flight<'a>(&'a self, trial: &Trial) -> Result<Box<dyn Flight + 'a>, ModelError> {
+    /// The run under a trial.
+    pub(crate) fn flight(&self, trial: &Trial) -> Result<Flight<'_>, ModelError> {
         let rollout = trial.rollout()?;
         let motion = if arm_effects(&trial.effects) == self.arm_effects {
             Arc::clone(&self.motion)
         } else {
             Arc::new(self.arm.motion(trial, &rollout, &self.run))
         };
-        Ok(Box::new(FloatingFlight { record: self, plant: trial.plant.clone(), rollout, motion }))
+        Ok(Flight { record: self, plant: trial.plant.clone(), rollout, motion })
     }
 }
 
-struct FloatingFlight<'a> {
-    record: &'a Floating,
+/// Those effects that may change how the arm moves, or what its encoders tell of it.
+fn arm_effects(effects: &[Effect]) -> Vec<Effect> {
+    let is_elsewhere = |e: &&Effect| matches!(e.about().place, Place::Base | Place::Mass | Place::Thruster);
+    effects.iter().filter(|e| !is_elsewhere(e)).cloned().collect()
+}
+
+/// A run under a trial.
+pub(crate) struct Flight<'a> {
+    record: &'a Record,
     plant: Plant,
     rollout: Rollout,
     motion: Arc<ArmMotion>,
 }
 
-impl Flight for FloatingFlight<'_> {
-    fn residuals(&self, window: usize, unknowns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+impl Flight<'_> {
+    /// Measured less simulated in window `window`, for each of several values of the window's own unknowns.
+    pub(crate) fn residuals(&self, window: usize, unknowns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let window = &self.record.windows[window];
         let joints = &self.motion.samples[(2 * window.first_step).min(self.motion.samples.len() - 1)..];
         let grid = window.grid(self.record.start_s);
@@ -159,7 +161,7 @@ impl Simulated<'_> {
     }
 }
 
-impl FloatingFlight<'_> {
+impl Flight<'_> {
     fn half(&self, t_s: f64) -> usize {
         let half = ((t_s - self.record.start_s) / (0.5 * STEP_S)).round().max(0.0) as usize;
         half.min(self.motion.samples.len() - 1)

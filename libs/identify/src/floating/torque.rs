@@ -3,7 +3,7 @@
 //! The two sides of the sensor separate causes: friction and torque constant stand between current and sensor, masses
 //! and inertias between sensor and motion.
 
-use super::{FloatingFlight, STEP_S, Simulated};
+use super::{Flight, STEP_S, Simulated};
 use crate::floating::layout::Window;
 use fss_experiments::measured::Joints;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, State};
@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 /// Rates below about this are not told from rest, rad/s.
 pub(super) const REST_RAD_S: f64 = 0.006;
 
-impl FloatingFlight<'_> {
+impl Flight<'_> {
     /// For each telemetry sample and joint: sensor less motion, then sensor less current; where there is no sensor,
     /// current less motion.
     pub(super) fn torque_rows(&self, window: &Window, simulated: &Simulated, out: &mut Vec<f64>) {
