@@ -95,12 +95,6 @@ impl Run {
         self
     }
 
-    /// Whether joints of a clamped arm can be simulated: free ones swing by themselves, driven ones need their currents.
-    pub fn tells_what_drives(&self) -> bool {
-        let has_currents = |joints: &Joints| joints.current_a.iter().any(|a| a.iter().any(|a| a.is_finite()));
-        self.drive == Drive::Free || self.joints.as_ref().is_some_and(has_currents)
-    }
-
     fn telemetry_tells(&self, from_s: f64, to_s: f64) -> bool {
         let Some(joints) = &self.joints else { return false };
         let within = joints.t_s.iter().copied().filter(|t| (from_s..=to_s).contains(t));

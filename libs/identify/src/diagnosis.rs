@@ -38,8 +38,6 @@ pub struct Diagnosis {
     pub suspects: Vec<Cause>,
     /// The first ranking of all causes, best first.
     pub ranking: Vec<Ranked>,
-    /// Cosines between the first few of the ranking: 1 where these data cannot tell two apart.
-    pub confusability: Vec<Vec<f64>>,
     /// What is left unexplained.
     pub unexplained: Option<Unexplained>,
     /// Laws in the extended plant that are no known effect's, where they predict the validation runs better.
@@ -136,7 +134,7 @@ fn conclude(
     extended.effects.extend(causes.iter().map(|c| c.effect.clone()));
     let (before, mut after) = (data.told_as_read(&file)?, data.told(&extended)?);
     verdict = after_validation(verdict, overall(after.judged()).powi(2));
-    let (ranking, confusability) = ranking(contest, selection);
+    let ranking = ranking(contest, selection);
     let (mut unexplained, mut empirical) = (None, Vec::new());
     if verdict.leaves_something() {
         progress("looking at what is left");
@@ -159,7 +157,6 @@ fn conclude(
         causes,
         suspects,
         ranking,
-        confusability,
         unexplained,
         empirical,
         before: before.fitted,
@@ -188,7 +185,6 @@ fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
         causes: Vec::new(),
         suspects: Vec::new(),
         ranking: Vec::new(),
-        confusability: Vec::new(),
         unexplained: None,
         empirical: Vec::new(),
         before: Vec::new(),
@@ -201,7 +197,7 @@ fn nothing_to_say(plant: &Plant, remarks: Vec<String>) -> Diagnosis {
     }
 }
 
-fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f64>>) {
+fn ranking(contest: &Contest, selection: &Selection) -> Vec<Ranked> {
     const SHOWN: usize = 10;
     // Where the whole is no more than noise would be, what one cause explains can still be more than noise.
     let most = selection.screened.iter().map(|s| s.gain).fold(1.0, f64::max);
@@ -215,9 +211,7 @@ fn ranking(contest: &Contest, selection: &Selection) -> (Vec<Ranked>, Vec<Vec<f6
             shown.push(s);
         }
     }
-    let causes: Vec<usize> = shown.iter().map(|s| s.hypothesis).collect();
-    let cosines = contest.confusability(&causes);
-    let rows = (0..causes.len()).map(|i| (0..causes.len()).map(|j| cosines[(i, j)]).collect()).collect();
-    let ranked = shown.iter().map(|s| Ranked { effect: s.effect.clone(), share: (s.gain / excess).clamp(0.0, 1.0) });
-    (ranked.collect(), rows)
+    let ranked =
+        |s: &&crate::contest::Screened| Ranked { effect: s.effect.clone(), share: (s.gain / excess).clamp(0.0, 1.0) };
+    shown.iter().map(ranked).collect()
 }

@@ -39,8 +39,6 @@ pub struct Cause {
     pub probability: f64,
     /// Fall of the sum of squares, in units of what one degree of freedom has.
     pub gain: f64,
-    /// Share of its gain that it keeps in runs left out of the fit.
-    pub kept: f64,
     /// What else it could be, most probable first.
     pub alternatives: Vec<Alternative>,
 }
@@ -89,7 +87,6 @@ pub(crate) fn judge(contest: &Contest, selection: &Selection) -> Judgement {
             std: t.std.clone(),
             probability: t.probability,
             gain: t.gain,
-            kept: t.kept,
             alternatives: t
                 .alternatives
                 .iter()

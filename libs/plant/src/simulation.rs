@@ -112,12 +112,6 @@ impl Simulation {
         self
     }
 
-    /// Goes on at `t_s` after the start of the run, with what holds then.
-    pub fn begin_at(&mut self, t_s: f64) {
-        self.t_s = t_s;
-        self.enter_stage();
-    }
-
     /// Lets `dt_s` pass (s).
     pub fn step(&mut self, dt_s: f64) {
         let end = self.t_s + dt_s;

@@ -31,8 +31,6 @@ pub(crate) struct Taken {
     pub(crate) probability: f64,
     /// What it gains over leaving it out, in units of noise.
     pub(crate) gain: f64,
-    /// Share of its gain that runs left out of the fit keep.
-    pub(crate) kept: f64,
     /// Others in its place: hypothesis, effect, probability, cosine.
     pub(crate) alternatives: Vec<Alternative>,
 }

@@ -71,7 +71,6 @@ impl Contest {
                 std,
                 probability: (is_there(clearness[i]) * here / total).min(SUREST),
                 gain: (without[i].chi2 - after.chi2) / unit(after),
-                kept: self.kept(after, i),
                 alternatives,
             });
         }
