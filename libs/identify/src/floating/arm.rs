@@ -4,9 +4,10 @@
 //! drive's kinematic error, its wind-up and its play. Wind-up follows the torque that the drive passes on, which the motion
 //! itself tells. Within its play the link goes on as it was, until the motor's teeth take it along again.
 
+use super::drive::free_inertia;
 use super::swing::Swings;
 use super::telemetry::{Reading, readings};
-use super::torque::free_inertia;
+
 use crate::trial::Trial;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, Model, State};

@@ -5,11 +5,11 @@
 //! alike, and the two of a torque sensor.
 
 use super::arm::ArmMotion;
-use super::torque::{direction, free_inertia, measured, placed};
+use super::drive::{direction, free_inertia, measured};
 use super::{MARGIN_S, STEP_S};
 use crate::trial::{RowInfo, Span, Whitened};
 use fss_experiments::measured::{Poses, Run};
-use fss_multibody::{JointVector, MAX_LINKS};
+use fss_multibody::{JointVector, MAX_LINKS, coordinates};
 use fss_plant::{Grid, Plant, Rollout};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3};
 use std::ops::Range;
@@ -250,7 +250,7 @@ impl Layout<'_> {
         }
         for bin in Self::bins(&gyro.t_s, window.gyro.clone(), BIN_S) {
             let half = self.half(gyro.t_s[bin.start]);
-            let reaction = model.reaction_vector(&placed(&self.motion.samples[half].q_rad, [0.0; 3]));
+            let reaction = model.reaction_vector(&coordinates([0.0; 3], self.motion.samples[half].q_rad.as_slice()));
             let arm = reaction.component_mul(&reaction).dot(&self.motion.variance[half][1]);
             let sd = (sd * sd + arm * bin.len() as f64).sqrt();
             for k in bin.clone() {
@@ -269,7 +269,7 @@ impl Layout<'_> {
         for bin in Self::bins(&ee.t_s, window.ee.clone(), width_s) {
             let half = self.half(ee.t_s[bin.start + bin.len() / 2]);
             let base = [0.0, 0.0, self.run.base_pose.as_ref().map_or(0.0, |p| heading(p, ee.t_s[bin.start]))];
-            let jacobian = model.jacobian(&placed(&self.motion.samples[half].q_rad, base));
+            let jacobian = model.jacobian(&coordinates(base, self.motion.samples[half].q_rad.as_slice()));
             let jacobian = jacobian.fixed_columns::<MAX_LINKS>(3);
             let arm =
                 jacobian * nalgebra::SMatrix::from_diagonal(&self.motion.variance[half][0]) * jacobian.transpose();
@@ -299,7 +299,8 @@ impl Layout<'_> {
             let t_s = joints.t_s[k];
             let half = self.half(t_s);
             let physics = self.rollout.physics(t_s);
-            let mass = self.rollout.model(t_s).mass_matrix(&placed(&self.motion.samples[half].q_rad, [0.0; 3]));
+            let mass =
+                self.rollout.model(t_s).mass_matrix(&coordinates([0.0; 3], self.motion.samples[half].q_rad.as_slice()));
             let inertia = free_inertia(&mass);
             let rates = &self.motion.variance[half][1];
             let accelerations = self.acceleration_variance(half);

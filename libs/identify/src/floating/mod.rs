@@ -1,6 +1,7 @@
 //! A floating base: the arm goes as its telemetry shows, the base follows from momentum and thrust.
 
 mod arm;
+mod drive;
 mod layout;
 pub(crate) mod swing;
 mod telemetry;

@@ -3,15 +3,12 @@
 //! The two sides of the sensor separate causes: friction and torque constant stand between current and sensor, masses
 //! and inertias between sensor and motion.
 
+use super::drive::{driven, measured};
+use super::layout::Window;
 use super::{Flight, STEP_S, Simulated};
-use crate::floating::layout::Window;
-use fss_experiments::measured::Joints;
-use fss_multibody::{Coordinates, JointVector, MAX_LINKS, State};
-use fss_plant::{BaseMotion, JointPhysics};
+use fss_multibody::{JointVector, MAX_LINKS, State};
+use fss_plant::BaseMotion;
 use nalgebra::Vector3;
-
-/// Rates below about this are not told from rest, rad/s.
-pub(super) const REST_RAD_S: f64 = 0.006;
 
 impl Flight<'_> {
     /// For each telemetry sample and joint: sensor less motion, then sensor less current; where there is no sensor,
@@ -72,44 +69,4 @@ impl Flight<'_> {
         }
         needed
     }
-}
-
-/// A column's value of a joint, where it was measured.
-pub(super) fn measured(columns: &[Vec<f64>], joint: usize, k: usize) -> Option<f64> {
-    columns.get(joint)?.get(k).copied().filter(|v| v.is_finite())
-}
-
-/// Torque that the drive passes on, as its current and its friction say; `None` without a current.
-pub(super) fn driven(
-    joints: &Joints,
-    k: usize,
-    joint: usize,
-    drive: &JointPhysics,
-    rate: f64,
-    rate_sd: f64,
-) -> Option<f64> {
-    let current = measured(&joints.current_a, joint, k)?;
-    let motor = drive.torque_scale * drive.torque_constant_n_m_a * current;
-    Some(motor - drive.friction.sliding_n_m(direction(rate, rate_sd), rate))
-}
-
-/// The direction of sliding that is expected of a rate that is known only so well.
-pub(super) fn direction(rate: f64, sd: f64) -> f64 {
-    (rate / (sd.hypot(REST_RAD_S) * 1.25)).tanh()
-}
-
-/// Torques per joint accelerations while the base is free, N m s2/rad.
-pub(super) fn free_inertia(mass: &fss_multibody::MassMatrix) -> nalgebra::SMatrix<f64, MAX_LINKS, MAX_LINKS> {
-    let base = mass.fixed_view::<3, 3>(0, 0).into_owned();
-    let coupling = mass.fixed_view::<3, MAX_LINKS>(0, 3).into_owned();
-    let arm = mass.fixed_view::<MAX_LINKS, MAX_LINKS>(3, 3).into_owned();
-    base.try_inverse().map_or(arm, |inverse| arm - coupling.transpose() * inverse * coupling)
-}
-
-/// What the layout asks of the configuration.
-pub(super) fn placed(q_rad: &JointVector, base: [f64; 3]) -> Coordinates {
-    let mut q = Coordinates::zeros();
-    q.fixed_rows_mut::<3>(0).copy_from_slice(&base);
-    q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(q_rad);
-    q
 }
