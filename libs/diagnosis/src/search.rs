@@ -69,6 +69,17 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
             linearized = problem.linearized(&center, Slope::Secant, &wanted, Some(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
+        if std::env::var("DBG").is_ok() { // DBG
+            let sets = search.beam(&points, largest); // DBG
+            for set in sets.iter().take(6) { // DBG
+                let n: Vec<String> = set.causes.iter().map(|c| problem.candidates[*c].nominal.to_string()).collect(); // DBG
+                let at = search.judge(&points, &set.causes, &set.classes).1; // DBG
+                let m = search.posterior(&points, set).map(|(p, _)| p.mean.iter().take(6).map(|v| format!("{v:.4}")).collect::<Vec<_>>()); // DBG
+                eprintln!("DBG {round} {:.1} {:.1} at {at} var {:.3} {n:?} {m:?}", set.log_posterior, set.log_likelihood, points[at].hyper.last().unwrap()); // DBG
+            } // DBG
+            eprintln!("DBG {round} model {}", search.names(&center.model)); // DBG
+            eprintln!("DBG {round} values {:?}", problem.uncertain.iter().zip(&center.values).filter(|(_, v)| v.abs() > 0.7).map(|(u, v)| format!("{} {v:.1}", u.name)).collect::<Vec<_>>()); // DBG
+        } // DBG
         let model = &center.model;
         search.varying = model.iter().map(|p| p.candidate).collect();
         let mut sets = search.beam(&points, largest);

@@ -8,7 +8,7 @@ use crate::about::{MAX_PARAMETERS, Parameter};
 use crate::file::Plant;
 
 /// Standard deviations of the three slabs over the typical size of a departure, each with a third of the probability.
-pub const SLAB_WIDTHS: [f64; 3] = [0.25, 1.0, 4.0];
+pub const SLAB_WIDTHS: [f64; 4] = [0.25, 1.0, 4.0, 16.0];
 /// Spike over typical size where an effect's file gives none: a laboratory leaves about a hundredth of what it would notice.
 const SPIKE_SHARE: f64 = 0.01;
 /// Of the friction that would be named, what no data sheet tells: oil and grease warm up.
