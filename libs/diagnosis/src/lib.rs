@@ -94,26 +94,6 @@ fn answer(
 ) -> Result<Diagnosis, ModelError> {
     let (runs, validation) = records;
     let problem = Problem::new(plant, runs)?;
-    if let Ok(to) = std::env::var("DBGDUMP") { // DBG
-        let mut text = String::new(); // DBG
-        let spec = std::env::var("DBGEFF").unwrap_or_default(); // DBG
-        let unc = std::env::var("DBGUNC").unwrap_or_default(); // DBG
-        let mut other = plant.clone(); // DBG
-        if let Some((n, by)) = unc.split_once(',') { for u in &problem.uncertain { if u.name == n { other = u.moved(&other, by.parse().unwrap()); } } } // DBG
-        let effects: Vec<Effect> = spec.split(';').filter(|s| !s.is_empty()).map(|s| { let f: Vec<&str> = s.split(',').collect(); let v: Vec<f64> = f[2..].iter().map(|v| v.parse().unwrap()).collect(); Effect::new(f[0]).unwrap().at(f[1].parse().unwrap()).with(&v) }).collect(); // DBG
-        for m in &problem.members { // DBG
-            m.block.forget(); // DBG
-            let all: Vec<Effect> = plant.effects.iter().filter(|e| !effects.iter().any(|n| problem::is_same(n, e))).cloned().chain(effects.iter().cloned()).collect(); // DBG
-            let a = m.block.predict(plant, &plant.effects)?; // DBG
-            let b = m.block.predict(&other, &all)?; // DBG
-            m.block.forget(); // DBG
-            let c = m.block.predict(&other, &all)?; // DBG
-            for k in 0..a.len() { // DBG
-                text += &format!("{} {} {:.6} {} {} {} {} {}\n", m.run, m.block.channels()[m.block.channel_of_row()[k]], m.block.time_of_row()[k], m.block.measured()[k], a[k], b[k], c[k], m.block.noise_of_row()[k]); // DBG
-            } // DBG
-        } // DBG
-        let _ = std::fs::write(to, text); // DBG
-    } // DBG
     let judged_on = Problem::new(plant, validation)?.with_noise_of(&problem);
     if problem.is_empty() {
         return Ok(nothing_to_say(plant));

@@ -58,8 +58,10 @@ impl PosePath {
         let edges = grid.edges_s();
         let middle: [f64; 3] = std::array::from_fn(|i| values.iter().map(|v| v[i]).sum::<f64>() / values.len() as f64);
         let axes: [Nodes; 3] = std::array::from_fn(|i| {
-            let row = |(t, v): (&f64, &[f64; 3])| {
-                Reading { t_s: *t, angle: Some((v[i] - middle[i], sd[i] * sd[i])), rate: None }
+            let row = |(t, v): (&f64, &[f64; 3])| Reading {
+                t_s: *t,
+                angle: Some((v[i] - middle[i], sd[i] * sd[i])),
+                rate: None,
             };
             let rows: Vec<Reading> = t_s.iter().zip(values).map(row).collect();
             Smoother::new(&rows, likeliest_jerk(&rows), &edges).path(&rows)
@@ -204,7 +206,8 @@ fn interpolated(series: &[JointVector], at: f64, joint: usize) -> f64 {
 fn reports(run: &Run, joint: usize, sensors: &Sensors, command: &dyn Fn(f64) -> [f64; 2]) -> Vec<Reading> {
     let Some(joints) = &run.joints else { return Vec::new() };
     let step_rad = sensors.encoder_step_rad / 12.0_f64.sqrt();
-    let variances = [sensors.encoder_rad.hypot(step_rad).max(1e-7), sensors.encoder_rate_rad_s.max(1e-7)].map(|s| s * s);
+    let variances =
+        [sensors.encoder_rad.hypot(step_rad).max(1e-7), sensors.encoder_rate_rad_s.max(1e-7)].map(|s| s * s);
     let value = |all: &[Vec<f64>], k: usize| all.get(joint).and_then(|v| v.get(k)).copied().filter(|v| v.is_finite());
     let rows = joints.t_s.iter().enumerate().map(|(k, t)| {
         let [angle, rate] = command(*t);

@@ -32,8 +32,10 @@ const POLISHED: usize = 6;
 const STANDS_STILL: f64 = 0.5;
 /// No value of a plant file is taken to be off by more stated deviations than this.
 const FARTHEST: f64 = 4.0;
-/// Share of a hyper-parameter's width by which the search for the best without causes starts at the least.
+/// Share of a hyper-parameter's width by which the search for the best without causes starts at the least, and rounds in which
+/// uncertain values that act far from linearly may settle before causes are sought.
 const LEAST_WIDTH: f64 = 0.2;
+const SETTLING_ROUNDS: usize = 8;
 /// So often at the most a set is linearized about its values without another set being better.
 const AGAIN: usize = 3;
 
@@ -69,17 +71,6 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
             linearized = problem.linearized(&center, Slope::Secant, &wanted, Some(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
-        if std::env::var("DBG").is_ok() { // DBG
-            let sets = search.beam(&points, largest); // DBG
-            for set in sets.iter().take(6) { // DBG
-                let n: Vec<String> = set.causes.iter().map(|c| problem.candidates[*c].nominal.to_string()).collect(); // DBG
-                let at = search.judge(&points, &set.causes, &set.classes).1; // DBG
-                let m = search.posterior(&points, set).map(|(p, _)| p.mean.iter().take(6).map(|v| format!("{v:.4}")).collect::<Vec<_>>()); // DBG
-                eprintln!("DBG {round} {:.1} {:.1} at {at} var {:.3} {n:?} {m:?}", set.log_posterior, set.log_likelihood, points[at].hyper.last().unwrap()); // DBG
-            } // DBG
-            eprintln!("DBG {round} model {}", search.names(&center.model)); // DBG
-            eprintln!("DBG {round} values {:?}", problem.uncertain.iter().zip(&center.values).filter(|(_, v)| v.abs() > 0.7).map(|(u, v)| format!("{} {v:.1}", u.name)).collect::<Vec<_>>()); // DBG
-        } // DBG
         let model = &center.model;
         search.varying = model.iter().map(|p| p.candidate).collect();
         let mut sets = search.beam(&points, largest);
@@ -166,18 +157,19 @@ impl Search<'_> {
     /// where servos follow datagrams: their gains act far from linearly within what is stated of them.
     fn without_causes(&self) -> Result<(Center, Vec<f64>), ModelError> {
         let (mut center, mut hyper, mut width) = (Center::default(), medians(self.problem), 1.0);
-        loop {
+        for round in 1.. {
             let linearized = self.problem.linearized(&center, Slope::Secant, &|_, _| false, None)?;
             hyper = self.optimized(&linearized, &[], &[], &hyper, width, |_, _| true);
             let parameters = self.parameters_with(&[]).0;
             let found = self.point(&linearized, &hyper, &parameters, &GramCache::default());
             let values = found.filter(|_| self.problem.is_commanded).map(|point| within(point.posterior.means()));
             let before = std::mem::replace(&mut center.values, values.unwrap_or_default());
-            width *= 0.5;
-            if have_settled(&before, &center.values) || width < LEAST_WIDTH {
-                return Ok((center, hyper));
+            width = (0.5 * width).max(LEAST_WIDTH);
+            if have_settled(&before, &center.values) || round == SETTLING_ROUNDS {
+                break;
             }
         }
+        Ok((center, hyper))
     }
 
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which

@@ -128,7 +128,11 @@ impl Predictor {
             com_m: Vec::with_capacity(angle.len()),
             inertia_kg_m2: Vec::with_capacity(angle.len()),
             joint_momentum: Vec::with_capacity(angle.len()),
-            mean_joint_momentum: if moves { mean_momentum(&model, &angle, self.pose.grid.step_s) } else { vec![0.0; angle.len()] },
+            mean_joint_momentum: if moves {
+                mean_momentum(&model, &angle, self.pose.grid.step_s)
+            } else {
+                vec![0.0; angle.len()]
+            },
             samples: Vec::with_capacity(angle.len()),
         };
         let at_rest = Coordinates::zeros();

@@ -6,7 +6,6 @@ use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
 use super::path::{MeasuredPath, Reference};
 use super::rows::{Kind, Row, moments};
-use super::track::Track;
 use crate::servo_response::ClosedLoop;
 use fss_experiments::commands::Commands;
 use fss_plant::Plant;
@@ -57,11 +56,11 @@ impl Linearization {
         }
         let other = mechanics.closed_loop()?;
         let change = own.change(&other, reference.response.as_ref()?, path.step_s())?;
-        let beside: Vec<Track> = change.into_iter().map(|change| path.track(change)).collect();
-        let mut out = self.model.read_motion(rows, |joint, stamp_s| beside[joint].at(stamp_s));
+        let beside = |joint: usize, stamp_s: f64| path.between(&change[joint], stamp_s);
+        let mut out = self.model.read_motion(rows, beside);
         for moment in moments(rows) {
             let t_s = rows[moment.start].t_s;
-            let torques = other.torques(path.node(t_s), path.step_s(), |joint| beside[joint].at(t_s));
+            let torques = other.torques(path.node(t_s), path.step_s(), |joint| beside(joint, t_s));
             for k in moment {
                 match rows[k].kind {
                     Kind::Torque(i) => out[k] = torques[i][0],

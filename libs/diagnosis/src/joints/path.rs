@@ -129,6 +129,14 @@ impl MeasuredPath {
         (((t_s - self.start_s) / NODE_S).round().max(0.0) as usize).min(self.nodes - 1)
     }
 
+    /// Between nodes on a straight line each of angle, rate and acceleration, for a rate that jumps where a joint comes to rest.
+    pub(super) fn between(&self, nodes: &Nodes, t_s: f64) -> [f64; 3] {
+        let place = ((t_s - self.start_s) / NODE_S).clamp(0.0, (self.nodes - 1) as f64);
+        let before = (place as usize).min(self.nodes.saturating_sub(2));
+        let (share, from, to) = (place - before as f64, nodes[before], nodes[(before + 1).min(self.nodes - 1)]);
+        std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
+    }
+
     /// A track on the nodes of this path.
     pub(super) fn track(&self, nodes: Vec<[f64; 3]>) -> Track {
         Track::new(self.start_s, NODE_S, nodes)

@@ -74,7 +74,11 @@ impl ClosedLoop {
             velocity_gain_n_m_s_rad: servo.velocity_gain_n_m_s_rad,
             velocity_integral_n_m_rad: servo.velocity_integral_n_m_rad,
         };
-        Some(Self { physics: physics.clone(), inertia, drives: physics.joints.iter().zip(&physics.servos).map(drive).collect() })
+        Some(Self {
+            physics: physics.clone(),
+            inertia,
+            drives: physics.joints.iter().zip(&physics.servos).map(drive).collect(),
+        })
     }
 
     /// Whether what acts has the same masses and drives.
@@ -97,13 +101,16 @@ impl ClosedLoop {
         let mut out = vec![Vec::with_capacity(nodes); joints];
         let mut state = vec![0.0; 3 * joints];
         let (mut push, mut next) = (vec![0.0; 2 * joints], state.clone());
-        let mut step = None;
+        let mut known: Option<(usize, Vec<bool>, Step)> = None;
         for k in 0..nodes {
             let at = k / segment(step_s);
-            if k % segment(step_s) == 0 {
-                step = Some(Step::new(&other.inertia[at], &other.drives, step_s)?);
+            let rests: Vec<bool> = (0..joints).map(|i| other.rests(response, i, k)).collect();
+            if known.as_ref().is_none_or(|(segment, resting, _)| *segment != at || *resting != rests) {
+                let step = Step::new(&other.inertia[at], (&other.drives, &rests), step_s)?;
+                known = Some((at, rests.clone(), step));
             }
-            let step = step.as_ref()?;
+            let (_, _, step) = known.as_ref()?;
+            (0..joints).filter(|i| rests[*i]).for_each(|i| state[joints + i] = 0.0);
             let instant = |i: usize| (response.nominal[i][k][1], response.nominal[i][k][2], response.errors[i][k].now);
             self.push(other, at, instant, &mut push);
             let acceleration = |i: usize| -> f64 {
@@ -111,11 +118,8 @@ impl ClosedLoop {
                 let back: f64 = (0..3 * joints).map(|j| step.rates[(joints + i, j)] * state[j]).sum();
                 pushed + back
             };
-            let rests = |i: usize, k: usize| {
-                other.drives[i].friction.is_dry() && response.nominal[i][k][1].abs() < RESTS_RAD_S
-            };
             for (i, out) in out.iter_mut().enumerate() {
-                out.push([state[i], state[joints + i], if rests(i, k) { 0.0 } else { acceleration(i) }]);
+                out.push([state[i], state[joints + i], acceleration(i)]);
             }
             let Some(after) = (k + 1 < nodes).then_some(k + 1) else { break };
             let mean = |i: usize| {
@@ -126,14 +130,13 @@ impl ClosedLoop {
             self.push(other, at, mean, &mut push);
             step.advance(&state, &push, &mut next);
             std::mem::swap(&mut state, &mut next);
-            for i in (0..joints).filter(|i| rests(*i, after)) {
-                state[joints + i] = 0.0;
-                if rests(i, k) {
-                    state[i] = next[i];
-                }
-            }
         }
         Some(out)
+    }
+
+    /// Whether dry friction holds a joint at a node.
+    fn rests(&self, response: &Response, joint: usize, node: usize) -> bool {
+        self.drives[joint].friction.is_dry() && response.nominal[joint][node][1].abs() < RESTS_RAD_S
     }
 
     /// What pushes the joints off the motion of this plant in another, of each joint's rate, acceleration and servo errors: torques,
@@ -187,9 +190,15 @@ struct Step {
 }
 
 impl Step {
-    fn new(inertia: &DMatrix<f64>, drives: &[Drive], step_s: f64) -> Option<Self> {
+    /// Of the joints that do not rest: what rests is held, whatever pushes it.
+    fn new(inertia: &DMatrix<f64>, (drives, rests): (&[Drive], &[bool]), step_s: f64) -> Option<Self> {
         let n = drives.len();
-        let inverse = inertia.clone().try_inverse()?;
+        let moving: Vec<usize> = (0..n).filter(|i| !rests[*i]).collect();
+        let own = DMatrix::from_fn(moving.len(), moving.len(), |i, j| inertia[(moving[i], moving[j])]).try_inverse()?;
+        let mut inverse = DMatrix::zeros(n, n);
+        for (i, to) in moving.iter().enumerate() {
+            moving.iter().enumerate().for_each(|(j, from)| inverse[(*to, *from)] = own[(i, j)]);
+        }
         let mut rates = DMatrix::zeros(3 * n, 3 * n);
         rates.view_mut((0, n), (n, n)).fill_with_identity();
         for (j, drive) in drives.iter().enumerate() {
