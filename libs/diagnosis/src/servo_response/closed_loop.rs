@@ -229,3 +229,89 @@ impl Step {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::servo_response::response;
+    use fss_experiments::commands::Commands;
+    use fss_plant::{DEFAULT_PLANT, Effect, JointCommand, Plant};
+
+    const STEP_S: f64 = 0.001;
+
+    /// A plant whose joints have no dry friction: where they stick and slip, no linearization holds.
+    fn plant() -> Plant {
+        let mut plant = Plant::parse(DEFAULT_PLANT).unwrap();
+        plant.links.iter_mut().for_each(|link| link.coulomb_friction_n_m = 0.0);
+        plant
+    }
+
+    /// Joints that swing, each with its own period, told 25 times a second.
+    fn swings(joints: usize) -> Commands {
+        let told = |joint: usize, k: i32| {
+            let (t_s, w) = (0.04 * f64::from(k), 3.0 + 0.7 * joint as f64);
+            let command =
+                JointCommand::Position { q_rad: 0.1 * (1.0 - (w * t_s).cos()), qd_rad_s: 0.1 * w * (w * t_s).sin() };
+            (t_s, command)
+        };
+        let joints: Vec<_> = (0..joints).map(|joint| (0..150).map(|k| told(joint, k)).collect()).collect();
+        Commands { q_rad: vec![0.0; joints.len()], joints, end_s: 6.0, ..Commands::default() }
+    }
+
+    fn closed_loop(plant: &Plant, nodes: usize, path: &Response) -> ClosedLoop {
+        let physics = Physics::with(plant, &plant.effects);
+        let model = physics.model(0.0).unwrap();
+        let posture = |k: usize| {
+            let mut q = Coordinates::zeros();
+            path.nominal.iter().enumerate().for_each(|(i, joint)| q[3 + i] = joint[k][0]);
+            (&model, q)
+        };
+        ClosedLoop::new(nodes, STEP_S, &physics, posture).unwrap()
+    }
+
+    /// How fast the difference of two simulated plants' accelerations changes, and the part that the linear change does not tell. What is
+    /// slow, as of centrifugal torques, telemetry shows.
+    fn difference_and_rest(other: &Plant) -> [f64; 2] {
+        let plant = plant();
+        let commands = swings(plant.link_count());
+        let grid_s: Vec<f64> = (0..5500).map(|k| STEP_S * f64::from(k)).collect();
+        let (here, there) =
+            (response(&plant, &commands, &grid_s).unwrap(), response(other, &commands, &grid_s).unwrap());
+        let own = closed_loop(&plant, grid_s.len(), &here);
+        let change = own.change(&closed_loop(other, grid_s.len(), &here), &here, STEP_S).unwrap();
+        let mut squares = [0.0; 2];
+        for joint in 0..plant.link_count() {
+            for k in 1000..grid_s.len() {
+                let differs = |k: usize| there.nominal[joint][k][2] - here.nominal[joint][k][2];
+                let (difference, told) = (differs(k) - differs(k - 1), change[joint][k][2] - change[joint][k - 1][2]);
+                squares[0] += difference * difference;
+                squares[1] += (difference - told).powi(2);
+            }
+        }
+        squares.map(f64::sqrt)
+    }
+
+    #[test]
+    fn another_plants_joints_answer_as_its_simulation_does() {
+        let plant = plant();
+        let heavy = Effect::new("link_inertia").unwrap().at(1).with(&[3.0 * plant.links[0].inertia_kg_m2]);
+        let strong = Effect::new("torque_constant").unwrap().at(3).with(&[1.4]);
+        let mut tuned = plant.clone();
+        tuned.servo.velocity_gain_n_m_s_rad *= 0.8;
+        tuned.servo.position_gain_1_s *= 1.2;
+        for other in [plant.with_effects(&[heavy]), plant.with_effects(&[strong]), tuned] {
+            let [difference, rest] = difference_and_rest(&other);
+            println!("{rest} of {difference}");
+            assert!(difference > 1.0 && rest < 0.5 * difference, "{rest} of {difference} rad/s2 are left");
+        }
+    }
+
+    #[test]
+    fn a_plant_answers_like_itself() {
+        let plant = plant();
+        let path = response(&plant, &swings(plant.link_count()), &[0.0, STEP_S, 2.0 * STEP_S]).unwrap();
+        let own = closed_loop(&plant, 3, &path);
+        assert!(own.change(&own.clone(), &path, STEP_S).is_none());
+    }
+}
