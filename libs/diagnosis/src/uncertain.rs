@@ -133,4 +133,7 @@ fn gains(of: &Servo, i: usize, add: &mut impl FnMut(String, f64, usize, Field)) 
     add(name("velocity_gain_N_m_s_rad"), GAIN_SHARE * of.velocity_gain_n_m_s_rad, i, |p, i| {
         &mut own_servo(p, i).velocity_gain_n_m_s_rad
     });
+    add(name("velocity_integral_N_m_rad"), GAIN_SHARE * of.velocity_integral_n_m_rad, i, |p, i| {
+        &mut own_servo(p, i).velocity_integral_n_m_rad
+    });
 }

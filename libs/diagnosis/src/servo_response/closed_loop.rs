@@ -1,15 +1,15 @@
 //! How the answer of servos to the same datagrams changes with masses, frictions, torque constants and gains.
 //!
-//! With M the joints' generalized inertia, s the motors' torque scales, B the viscous frictions, K and G the gains of rate and
-//! position, e a servo's error of rate and l that of its angle, all 0 of a plant whose motion q0 is known and 1 of another,
-//! the motion d that the other makes beside q0 is
+//! With M the joints' generalized inertia, s the motors' torque scales, f the frictions and B their viscous parts, G, K and I the gains
+//! of position, rate and the rate's integral, e a servo's error of rate and l that of its angle, all 0 of a plant whose
+//! motion q0 is known and 1 of another, the motion d that the other makes beside q0 and the torque w of its integrals are
 //!
 //! ```text
-//! M1 d'' = (s1/s0 M0 - M1) q0'' + s1 ((K1 - K0) e + K1 (G1 - G0) l) - s1 K1 (G1 d + d') - B1 d'
+//! M1 d'' = (s1/s0 M0 - M1) q0'' + s1/s0 f0 - f1 + s1 ((K1 - K0) e + K1 (G1 - G0) l + w - K1 (G1 d + d')) - B1 d'
+//! w'     = (I1 - I0) e + I1 ((G1 - G0) l - G1 d - d')
 //! ```
 //!
-//! It is linear in d and exact in M. The integral part is slower than telemetry, which shows what it does; it holds what else a
-//! friction changes. A joint that rests on the way q0 rests.
+//! This is linear in d and exact in M but for centrifugal torques, which are slow. A joint that rests on the way q0 is held there.
 
 use super::{Error, Response};
 use crate::friction::direction;
@@ -302,7 +302,7 @@ mod tests {
         tuned.servo.position_gain_1_s *= 1.2;
         for other in [plant.with_effects(&[heavy]), plant.with_effects(&[strong]), tuned] {
             let [difference, rest] = difference_and_rest(&other);
-            println!("{rest} of {difference}");
+
             assert!(difference > 1.0 && rest < 0.5 * difference, "{rest} of {difference} rad/s2 are left");
         }
     }
