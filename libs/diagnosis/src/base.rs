@@ -24,14 +24,14 @@ mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, GainSlope, Gains, Nodes, Response, datagrams};
+use crate::servo_response::{self, ClosedLoop, Nodes, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
-use prediction::Predictor;
+use prediction::{Predictor, joints_only};
 use samples::Samples;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -58,9 +58,8 @@ pub struct BaseBlock {
 
 /// A plant, its effects, and what is linearized about them.
 struct About {
-    /// Gains of the drives with which the joints' path was computed, and what others change.
-    gains: Vec<Gains>,
-    by_gain: Vec<GainSlope>,
+    /// The drives with which the joints' path was computed, and what joints' motion beside it changes; `None` without datagrams.
+    drives: Option<(ClosedLoop, JointMotion)>,
     predictor: Predictor,
     noise: NoiseModel,
 }
@@ -78,9 +77,25 @@ impl About {
         let physics = Physics::with(plant, &plant.effects);
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
-        let by_gain = gain_slopes(plant, run, &predictor, samples, &beside);
         let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
-        Ok(Self { gains: servo_response::gains(plant), by_gain, predictor, noise })
+        let drives = closed_loop(&predictor, &physics)?.map(|own| (own, beside));
+        Ok(Self { drives, predictor, noise })
+    }
+
+    /// What the rows change by where servos make another motion of their datagrams than of this plant, by its part that
+    /// telemetry does not show; `None` where they do not.
+    fn answer(&self, physics: &Physics, samples: &Samples) -> Result<Option<Vec<f64>>, ModelError> {
+        let encoders = &self.predictor.encoders;
+        let (Some((own, beside)), Some(response)) = (&self.drives, &encoders.response) else { return Ok(None) };
+        if own.is_of(physics) {
+            return Ok(None);
+        }
+        let other = closed_loop(&self.predictor, physics)?;
+        let Some(change) = other.and_then(|other| own.change(&other, response, encoders.grid.step_s)) else {
+            return Ok(None);
+        };
+        let unseen: Vec<Nodes> = change.iter().enumerate().map(|(i, change)| encoders.unseen(i, change)).collect();
+        Ok(Some(beside.rows(samples, |joint, t_s| encoders.grid.between(&unseen[joint], t_s))))
     }
 }
 
@@ -136,32 +151,15 @@ impl BaseBlock {
     }
 }
 
-/// What the rows change by with each gain of each joint's servo: by the part of the change that telemetry does not show.
-fn gain_slopes(
-    plant: &Plant,
-    run: &Run,
-    predictor: &Predictor,
-    samples: &Samples,
-    beside: &JointMotion,
-) -> Vec<GainSlope> {
-    let (encoders, grid) = (&predictor.encoders, predictor.encoders.grid);
-    let Some(response) = &encoders.response else { return Vec::new() };
-    let of = |(gain, changes): (usize, &Vec<Nodes>)| -> Vec<GainSlope> {
-        let sum = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| a[i] + b[i]);
-        let other = |(a, b): (&Nodes, &Nodes)| a.iter().zip(b).map(sum).collect();
-        let nominal = response.nominal.iter().zip(changes).map(other).collect();
-        let other = EncoderPath::about(run, plant, grid, Some(Response { nominal, by_gain: Vec::new() }));
-        let slope = |joint: usize| {
-            let change = |k: usize| {
-                let rate = other.rate[k][joint] - encoders.rate[k][joint];
-                [other.angle[k][joint] - encoders.angle[k][joint], rate, 0.0]
-            };
-            let nodes: Nodes = (0..encoders.angle.len()).map(change).collect();
-            GainSlope { gain, joint, of_row: beside.rows(samples, joint, |t_s| grid.between(&nodes, t_s)) }
-        };
-        (0..changes.len()).map(slope).collect()
-    };
-    response.by_gain.iter().enumerate().flat_map(of).collect()
+/// The drives of what acts along a path; `None` without datagrams.
+fn closed_loop(predictor: &Predictor, physics: &Physics) -> Result<Option<ClosedLoop>, ModelError> {
+    let encoders = &predictor.encoders;
+    if encoders.response.is_none() {
+        return Ok(None);
+    }
+    let model = physics.model(0.0)?;
+    let posture = |k: usize| (&model, joints_only(&encoders.angle[k]));
+    Ok(ClosedLoop::new(encoders.angle.len(), encoders.grid.step_s, physics, posture))
 }
 
 /// Cells in which the heading turns little.
@@ -179,8 +177,11 @@ impl Block for BaseBlock {
 
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let about = self.about(plant, effects)?;
-        let mut rows = self.samples.read(&about.predictor.motion(plant, effects)?);
-        servo_response::tune(plant, &about.gains, &about.by_gain, &mut rows);
+        let motion = about.predictor.motion(plant, effects)?;
+        let mut rows = self.samples.read(&motion);
+        if let Some(change) = about.answer(&motion.physics, &self.samples)? {
+            rows.iter_mut().zip(change).for_each(|(v, c)| *v += c);
+        }
         Ok(rows)
     }
 

@@ -26,14 +26,13 @@ mod noise;
 mod path;
 mod process;
 mod rows;
-mod servos;
-mod smoother;
 mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{self, Gains};
+use crate::servo_response::{self, datagrams};
 use fss_estimation::Columns;
+use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Plant};
@@ -44,7 +43,6 @@ use mechanics::{Loads, Mechanics, NominalThrust};
 use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
-use servos::Servos;
 use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -73,7 +71,8 @@ pub struct JointBlock {
     present: Mutex<Option<Arc<Present>>>,
     /// The nominal plant.
     plant: Plant,
-    servos: Servos,
+    /// What datagrams told the joints; `None` without any.
+    commands: Option<Commands>,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
     channels: Vec<String>,
@@ -85,8 +84,6 @@ pub struct JointBlock {
 struct Present {
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
-    /// Gains of the drives.
-    gains: Vec<Gains>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
 }
@@ -114,14 +111,14 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
-    let servos = Servos::new(plant, run);
-    let told = (path.reference.as_ref(), servos.commands.as_ref());
+    let commands = datagrams(plant, run).cloned();
+    let told = (path.reference.as_ref(), commands.as_ref());
     let mut nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
     if let Some(anchors) = &anchors {
         linearize::add_rotors_and_encoders(&path, &rows, anchors, &mut nominal.model.slopes);
     }
     let mut block =
-        JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, servos));
+        JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, commands));
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
@@ -193,7 +190,7 @@ impl JointBlock {
         (plant, run): (&Plant, &Run),
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         (rows, scale): (Vec<Row>, Vec<f64>),
-        (nominal, servos): (Linearization, Servos),
+        (nominal, commands): (Linearization, Option<Commands>),
     ) -> Self {
         let mut channels: Vec<String> = Vec::new();
         let mut channel_of_row = Vec::with_capacity(rows.len());
@@ -222,7 +219,7 @@ impl JointBlock {
             hyper,
             present: Mutex::new(None),
             plant: plant.clone(),
-            servos,
+            commands,
             measured,
             channel_of_row,
             channels,
@@ -243,12 +240,12 @@ impl JointBlock {
         let anew = || {
             let alike = servo_response::answer_alike(plant, effects, &self.plant);
             let moving = || servo_response::with_exactly(plant, &servo_response::moving(effects));
-            let simulated = if alike { None } else { self.servos.reference(&moving(), &self.path) };
+            let commands = self.commands.as_ref();
+            let simulated = commands.filter(|_| !alike).and_then(|c| self.path.reference_of(&moving(), c));
             let reference = simulated.as_ref().or(self.path.reference.as_ref());
-            Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, self.servos.commands.as_ref()))
+            Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, commands))
         };
         Present {
-            gains: servo_response::gains(plant),
             breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
             linearization: if is_nominal { None } else { anew() },
         }
@@ -286,7 +283,9 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
-        servo_response::tune(plant, &present.gains, &about.by_gain, &mut out);
+        if let Some(change) = about.answer(&mechanics, &self.path, &self.rows) {
+            out.iter_mut().zip(change).for_each(|(v, c)| *v += c);
+        }
         Ok(out)
     }
 

@@ -1,8 +1,9 @@
 //! The measured path of a run: smooth motion of base and joints, from the sensors alone. No plant plays a part in it, so that
 //! deviations from it stay small however large a fault is.
 
-use crate::servo_response::{self, Response, datagrams};
-use fss_estimation::smoothing::{Measurement, Noise, Smoothed, smooth};
+use crate::joint_telemetry::JointTelemetry;
+use crate::servo_response::{self, Nodes, Response, datagrams};
+use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
 use fss_experiments::measured::{Many, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
 use fss_plant::{Physics, Plant, Sensors, Stream};
@@ -56,15 +57,19 @@ impl PosePath {
     pub(crate) fn smoothed(t_s: &[f64], values: &[[f64; 3]], sd: [f64; 3], grid: TimeGrid) -> Self {
         let edges = grid.edges_s();
         let middle: [f64; 3] = std::array::from_fn(|i| values.iter().map(|v| v[i]).sum::<f64>() / values.len() as f64);
-        let axes: [Vec<Smoothed>; 3] = std::array::from_fn(|i| {
-            let angle = |v: &[f64; 3]| Some(v[i] - middle[i]);
-            let rows = t_s.iter().zip(values).map(|(t, v)| Measurement { t_s: *t, angle: angle(v), rate: None });
-            smooth(&rows.collect::<Vec<_>>(), Noise { angle: sd[i], rate: 1.0 }, &edges)
+        let axes: [Nodes; 3] = std::array::from_fn(|i| {
+            let row = |(t, v): (&f64, &[f64; 3])| Reading {
+                t_s: *t,
+                angle: Some((v[i] - middle[i], sd[i] * sd[i])),
+                rate: None,
+            };
+            let rows: Vec<Reading> = t_s.iter().zip(values).map(row).collect();
+            Smoother::new(&rows, likeliest_jerk(&rows), &edges).path(&rows)
         });
-        let at = |f: fn(&Smoothed) -> f64, offset: [f64; 3]| {
-            (0..edges.len()).map(|k| std::array::from_fn(|i| f(&axes[i][k]) + offset[i])).collect()
+        let at = |derivative: usize, offset: [f64; 3]| {
+            (0..edges.len()).map(|k| std::array::from_fn(|i| axes[i][k][derivative] + offset[i])).collect()
         };
-        Self { grid, pose: at(|s| s.angle, middle), velocity: at(|s| s.rate, [0.0; 3]) }
+        Self { grid, pose: at(0, middle), velocity: at(1, [0.0; 3]) }
     }
 
     /// Pose and velocity at a time; beyond the ends the motion goes on evenly.
@@ -114,6 +119,8 @@ pub(crate) struct EncoderPath {
     pub(crate) rate_sd: Vec<JointVector>,
     /// What the plant's servos make of the datagrams; `None` without any.
     pub(crate) response: Option<Response>,
+    /// What telemetry told of each joint beside that; `None` without telemetry.
+    telemetry: Vec<Option<JointTelemetry>>,
     /// Whether a joint was told to move that nobody measured.
     pub(crate) moves_unseen: bool,
 }
@@ -125,13 +132,7 @@ impl EncoderPath {
     pub(crate) fn smoothed(run: &Run, plant: &Plant, grid: TimeGrid) -> Self {
         let edges = grid.edges_s();
         let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &edges).ok());
-        Self::about(run, plant, grid, response)
-    }
-
-    /// The same about a motion that the plant's servos make of the datagrams.
-    pub(crate) fn about(run: &Run, plant: &Plant, grid: TimeGrid, response: Option<Response>) -> Self {
         let (sensors, joints) = (&plant.sensors, plant.link_count());
-        let edges = grid.edges_s();
         let zeros = vec![JointVector::zeros(); edges.len()];
         let mut path = Self {
             grid,
@@ -140,6 +141,7 @@ impl EncoderPath {
             angle_sd: zeros.clone(),
             rate_sd: zeros,
             response,
+            telemetry: Vec::new(),
             moves_unseen: false,
         };
         for joint in 0..joints.min(MAX_LINKS) {
@@ -147,22 +149,32 @@ impl EncoderPath {
             let simulated = path.response.as_ref().map(|response| &response.nominal[joint]);
             let lag_s = if simulated.is_some() { 0.0 } else { servo_lag_s(run, joint, &told) };
             let command = |t: f64| simulated.map_or_else(|| told(t - lag_s), |nodes| grid.between(nodes, t));
-            let reports = reports(run, joint, &command);
-            let deviation = smooth(&reports, noise(sensors), &edges);
+            let telemetry = JointTelemetry::new(reports(run, joint, sensors, &command), &edges);
+            let beside = telemetry.as_ref().map(|t| (t.path(), t.variances()));
             for (k, t) in edges.iter().enumerate() {
                 let [angle, rate] = command(*t);
-                path.angle[k][joint] = angle + deviation[k].angle;
-                path.rate[k][joint] = rate + deviation[k].rate;
-                path.angle_sd[k][joint] = deviation[k].angle_variance.sqrt();
-                path.rate_sd[k][joint] = deviation[k].rate_variance.sqrt();
+                let (deviation, variance) = beside.as_ref().map_or(([0.0; 3], [0.0; 3]), |(d, v)| (d[k], v[k]));
+                path.angle[k][joint] = angle + deviation[0];
+                path.rate[k][joint] = rate + deviation[1];
+                path.angle_sd[k][joint] = variance[0].sqrt();
+                path.rate_sd[k][joint] = variance[1].sqrt();
             }
-            if reports.is_empty() {
+            if telemetry.is_none() {
                 let told = edges.iter().map(|t| command(*t)[0]);
                 let (lower, upper) = told.fold((f64::MAX, f64::MIN), |(l, u), q| (l.min(q), u.max(q)));
                 path.moves_unseen |= upper - lower > RESTS_RAD;
             }
+            path.telemetry.push(telemetry);
         }
         path
+    }
+
+    /// What of a change of a joint's motion, at the edges, telemetry does not show between its rows.
+    pub(crate) fn unseen(&self, joint: usize, change: &Nodes) -> Nodes {
+        match &self.telemetry[joint] {
+            Some(telemetry) => telemetry.unseen(change, |t_s| self.grid.between(change, t_s)),
+            None => change.clone(),
+        }
     }
 
     /// Angles and rates of the links that these encoders and drives show in this way.
@@ -191,23 +203,18 @@ fn interpolated(series: &[JointVector], at: f64, joint: usize) -> f64 {
     series[k][joint] + (at - k as f64) * (series[next][joint] - series[k][joint])
 }
 
-fn noise(sensors: &Sensors) -> Noise {
-    let step = sensors.encoder_step_rad / 12.0_f64.sqrt();
-    Noise { angle: sensors.encoder_rad.hypot(step).max(1e-7), rate: sensors.encoder_rate_rad_s.max(1e-7) }
-}
-
-fn reports(run: &Run, joint: usize, command: &dyn Fn(f64) -> [f64; 2]) -> Vec<Measurement> {
+fn reports(run: &Run, joint: usize, sensors: &Sensors, command: &dyn Fn(f64) -> [f64; 2]) -> Vec<Reading> {
     let Some(joints) = &run.joints else { return Vec::new() };
+    let step_rad = sensors.encoder_step_rad / 12.0_f64.sqrt();
+    let variances =
+        [sensors.encoder_rad.hypot(step_rad).max(1e-7), sensors.encoder_rate_rad_s.max(1e-7)].map(|s| s * s);
     let value = |all: &[Vec<f64>], k: usize| all.get(joint).and_then(|v| v.get(k)).copied().filter(|v| v.is_finite());
     let rows = joints.t_s.iter().enumerate().map(|(k, t)| {
         let [angle, rate] = command(*t);
-        Measurement {
-            t_s: *t,
-            angle: value(&joints.q_rad, k).map(|q| q - angle),
-            rate: value(&joints.qd_rad_s, k).map(|v| v - rate),
-        }
+        let angle = value(&joints.q_rad, k).map(|q| (q - angle, variances[0]));
+        Reading { t_s: *t, angle, rate: value(&joints.qd_rad_s, k).map(|v| (v - rate, variances[1])) }
     });
-    rows.filter(|m| m.angle.is_some() || m.rate.is_some()).collect()
+    rows.filter(|r| r.angle.is_some() || r.rate.is_some()).collect()
 }
 
 /// A joint that is told to move less than this rests (rad).

@@ -32,8 +32,10 @@ const POLISHED: usize = 6;
 const STANDS_STILL: f64 = 0.5;
 /// No value of a plant file is taken to be off by more stated deviations than this.
 const FARTHEST: f64 = 4.0;
-/// Share of a hyper-parameter's width by which the search for the best without causes starts at the least.
+/// Share of a hyper-parameter's width by which the search for the best without causes starts at the least, and rounds in which
+/// uncertain values that act far from linearly may settle before causes are sought.
 const LEAST_WIDTH: f64 = 0.2;
+const SETTLING_ROUNDS: usize = 8;
 /// So often at the most a set is linearized about its values without another set being better.
 const AGAIN: usize = 3;
 
@@ -155,18 +157,19 @@ impl Search<'_> {
     /// where servos follow datagrams: their gains act far from linearly within what is stated of them.
     fn without_causes(&self) -> Result<(Center, Vec<f64>), ModelError> {
         let (mut center, mut hyper, mut width) = (Center::default(), medians(self.problem), 1.0);
-        loop {
+        for round in 1.. {
             let linearized = self.problem.linearized(&center, Slope::Secant, &|_, _| false, None)?;
             hyper = self.optimized(&linearized, &[], &[], &hyper, width, |_, _| true);
             let parameters = self.parameters_with(&[]).0;
             let found = self.point(&linearized, &hyper, &parameters, &GramCache::default());
             let values = found.filter(|_| self.problem.is_commanded).map(|point| within(point.posterior.means()));
             let before = std::mem::replace(&mut center.values, values.unwrap_or_default());
-            width *= 0.5;
-            if have_settled(&before, &center.values) || width < LEAST_WIDTH {
-                return Ok((center, hyper));
+            width = (0.5 * width).max(LEAST_WIDTH);
+            if have_settled(&before, &center.values) || round == SETTLING_ROUNDS {
+                break;
             }
         }
+        Ok((center, hyper))
     }
 
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which

@@ -1,28 +1,16 @@
-//! What servos make of the datagrams that command them, and how that depends on their gains.
+//! What servos make of the datagrams that command them.
 //!
-//! Between two datagrams a servo settles within some hundredths of a second. Telemetry shows the torque of one instant of that,
-//! so that the motion is taken from a simulation of the servo, and its gains are values of the plant that are known only so well.
+//! Between two datagrams a servo settles within some hundredths of a second. Telemetry shows the torque of one instant of that, so
+//! that the motion is taken from a simulation of the servos; [`closed_loop`] tells what another plant's would answer.
 
+mod closed_loop;
+
+pub(crate) use closed_loop::{ClosedLoop, Nodes, generalized_inertia};
 use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Place, Plant, Servo};
-
-/// Angle, rate and acceleration at each node of a path.
-pub(crate) type Nodes = Vec<[f64; 3]>;
-
-/// The gains that are not known exactly: of the position loop, of the velocity loop, of its integral.
-const GAINS: [fn(&mut Plant, usize) -> &mut f64; 3] = [
-    |p, i| &mut own_servo(p, i).position_gain_1_s,
-    |p, i| &mut own_servo(p, i).velocity_gain_n_m_s_rad,
-    |p, i| &mut own_servo(p, i).velocity_integral_n_m_rad,
-];
-/// Those of one servo.
-pub(crate) type Gains = [f64; GAINS.len()];
-
-/// Step of a gain in differences, as a share of it.
-const STEP: f64 = 0.1;
+use fss_plant::{Effect, JointCommand, Place, Plant, Servo, Simulation};
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
 pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
@@ -30,28 +18,57 @@ pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// The joints' motion in answer to datagrams.
 #[derive(Clone, Debug)]
 pub(crate) struct Response {
-    /// Each joint with the plant's gains.
+    /// Each joint's.
     pub(crate) nominal: Vec<Nodes>,
-    /// For each of [`GAINS`], what each joint's motion changes by where it is larger by the share [`STEP`]. A joint is taken to depend
-    /// on its own gains.
-    pub(crate) by_gain: Vec<Vec<Nodes>>,
+    /// What each joint's servo sees, at the nodes.
+    errors: Vec<Vec<Errors>>,
 }
+
+/// What a servo corrects: errors of its joint's rate and angle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Error {
+    rate_rad_s: f64,
+    angle_rad: f64,
+}
+
+/// At a node, and on average until the next.
+#[derive(Clone, Copy, Debug, Default)]
+struct Errors {
+    now: Error,
+    until_next: Error,
+}
+
+/// A joint's state at one time of a simulation: encoder angle and rate, what its servo corrects.
+type Instant = ([f64; 2], Error);
 
 /// The answer of a plant's servos at the times `grid_s`, s.
 ///
 /// # Errors
 /// When the plant's masses are impossible.
 pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
-    let nominal = played(plant, commands, grid_s)?;
-    let by_gain = GAINS.iter().map(|gain| {
-        let mut other = plant.clone();
-        (0..plant.link_count()).for_each(|joint| *gain(&mut other, joint) *= 1.0 + STEP);
-        let other = played(&other, commands, grid_s)?;
-        let change = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| b[i] - a[i]);
-        Ok(nominal.iter().zip(&other).map(|(a, b)| a.iter().zip(b).map(change).collect()).collect())
-    });
-    let by_gain = by_gain.collect::<Result<_, ModelError>>()?;
-    Ok(Response { nominal, by_gain })
+    let still = Plant { disturbance: None, ..plant.clone() };
+    let mut times = Vec::new();
+    let mut states: Vec<Vec<Instant>> = vec![Vec::new(); plant.link_count()];
+    commands.play(&still, 0, 1, |simulation| {
+        times.push(simulation.t_s());
+        states.iter_mut().enumerate().for_each(|(i, own)| own.push(instant(plant, commands, simulation, i)));
+    })?;
+    let nodes = |states: &Vec<Instant>| grid_s.iter().map(|t| node(&times, states, *t)).collect();
+    let nominal = states.iter().map(nodes).collect();
+    Ok(Response { nominal, errors: states.iter().map(|own| errors(&times, own, grid_s)).collect() })
+}
+
+fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: usize) -> Instant {
+    let (q, qd) = (simulation.encoder_rad(joint), simulation.encoder_rate_rad_s(joint));
+    let error = match commands.told(joint, simulation.t_s()) {
+        Some(JointCommand::Velocity { qd_rad_s }) => Error { rate_rad_s: qd_rad_s - qd, angle_rad: 0.0 },
+        Some(JointCommand::Position { q_rad, qd_rad_s }) => {
+            let angle_rad = q_rad - q;
+            Error { rate_rad_s: qd_rad_s + plant.servo(joint).position_gain_1_s * angle_rad - qd, angle_rad }
+        }
+        _ => Error::default(),
+    };
+    ([q, qd], error)
 }
 
 /// The servo of one joint, apart from what others share.
@@ -72,32 +89,6 @@ pub(crate) fn arrival_time(commands: &Commands) -> f64 {
     0.5 * median(&mut intervals).unwrap_or(1.0)
 }
 
-/// What rows change by where a gain of a joint's servo is larger by the share [`STEP`].
-pub(crate) struct GainSlope {
-    pub(crate) gain: usize,
-    pub(crate) joint: usize,
-    pub(crate) of_row: Vec<f64>,
-}
-
-/// The gains of each joint's servo.
-pub(crate) fn gains(plant: &Plant) -> Vec<Gains> {
-    let mut plant = plant.clone();
-    let joints = plant.link_count();
-    (0..joints).map(|joint| GAINS.map(|gain| *gain(&mut plant, joint))).collect()
-}
-
-/// Adds what the gains of a plant change over the `nominal` ones.
-pub(crate) fn tune(plant: &Plant, nominal: &[Gains], by_gain: &[GainSlope], rows: &mut [f64]) {
-    let own = gains(plant);
-    for slope in by_gain {
-        let (now, nominal) = (own[slope.joint][slope.gain], nominal[slope.joint][slope.gain]);
-        if now != nominal && nominal != 0.0 {
-            let steps = (now / nominal - 1.0) / STEP;
-            rows.iter_mut().zip(&slope.of_row).for_each(|(v, s)| *v += steps * s);
-        }
-    }
-}
-
 /// What among effects changes what servos make of their datagrams.
 pub(crate) fn moving(effects: &[Effect]) -> Vec<Effect> {
     effects.iter().filter(|e| matches!(e.about().place, Place::Mass | Place::Joint)).cloned().collect()
@@ -113,33 +104,33 @@ pub(crate) fn with_exactly(plant: &Plant, effects: &[Effect]) -> Plant {
     Plant { effects: effects.to_vec(), ..plant.clone() }
 }
 
-/// Each joint's motion with the plant's gains, at the times `grid_s`, s.
-///
-/// # Errors
-/// When the plant's masses are impossible.
-fn played(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Vec<Nodes>, ModelError> {
-    let still = Plant { disturbance: None, ..plant.clone() };
-    let mut times = Vec::new();
-    let mut states = vec![Vec::new(); plant.link_count()];
-    commands.play(&still, 0, 1, |simulation| {
-        times.push(simulation.t_s());
-        for (i, states) in states.iter_mut().enumerate() {
-            states.push([simulation.encoder_rad(i), simulation.encoder_rate_rad_s(i)]);
-        }
-    })?;
-    Ok(states.iter().map(|states| grid_s.iter().map(|t| node(&times, states, *t)).collect()).collect())
-}
-
 /// Angle, rate and acceleration at `t_s`, of a motion with constant acceleration between its samples.
-fn node(t_s: &[f64], states: &[[f64; 2]], at_s: f64) -> [f64; 3] {
+fn node(t_s: &[f64], states: &[Instant], at_s: f64) -> [f64; 3] {
     let after = t_s.partition_point(|t| *t <= at_s);
     if after == 0 || after == t_s.len() {
         let end = if after == 0 { 0 } else { after - 1 };
-        let [q, qd] = states.get(end).copied().unwrap_or_default();
+        let [q, qd] = states.get(end).map_or([0.0; 2], |s| s.0);
         return [q + qd * (at_s - t_s.get(end).copied().unwrap_or(at_s)), qd, 0.0];
     }
-    let (a, b) = (states[after - 1], states[after]);
+    let (a, b) = (states[after - 1].0, states[after].0);
     let (step_s, past_s) = (t_s[after] - t_s[after - 1], at_s - t_s[after - 1]);
     let acceleration = (b[1] - a[1]) / step_s;
     [a[0] + past_s * (b[0] - a[0]) / step_s, a[1] + past_s * acceleration, acceleration]
+}
+
+/// A servo's errors at the times `grid_s` and on average until the next.
+fn errors(t_s: &[f64], states: &[Instant], grid_s: &[f64]) -> Vec<Errors> {
+    let from = |at_s: f64| t_s.partition_point(|t| *t <= at_s).saturating_sub(1);
+    let mean = |range: std::ops::Range<usize>| {
+        let count = range.len().max(1) as f64;
+        let all = states.get(range).unwrap_or_default().iter();
+        let [rate, angle] = all.fold([0.0; 2], |[r, a], (_, e)| [r + e.rate_rad_s, a + e.angle_rad]);
+        Error { rate_rad_s: rate / count, angle_rad: angle / count }
+    };
+    let node = |k: usize| {
+        let now = from(grid_s[k]);
+        let next = grid_s.get(k + 1).map_or(now + 1, |t| from(*t).max(now + 1));
+        Errors { now: mean(now..now + 1), until_next: mean(now..next.min(states.len())) }
+    };
+    (0..grid_s.len()).map(node).collect()
 }

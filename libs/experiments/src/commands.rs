@@ -58,6 +58,14 @@ pub struct Commands {
 }
 
 impl Commands {
+    /// What a joint's driver has been told at `t_s`, and how it understands it by then; `None` before the first command.
+    pub fn told(&self, joint: usize, t_s: f64) -> Option<JointCommand> {
+        let commands = &self.joints[joint];
+        let last = commands.partition_point(|(since_s, _)| *since_s <= t_s).checked_sub(1)?;
+        let (since_s, command) = commands[last];
+        Some(moved_on(command, t_s - since_s))
+    }
+
     /// Plays the commands on a plant; `see` is called every `every` steps of a millisecond.
     ///
     /// # Errors
@@ -78,18 +86,15 @@ impl Commands {
         let news: Vec<Effect> = self.beside.iter().filter(|e| !is_known(e)).cloned().collect();
         let mut simulation = Simulation::new(&plant.with_effects(&news), seed)?.in_steps_of(step_s);
         simulation.set_state(self.pose, [0.0; 3], &self.q_rad, &[]);
-        let (mut told, mut opened) = (vec![0; self.joints.len()], 0);
+        let mut opened = 0;
         for step in 0..=(self.end_s / step_s) as usize {
             if step % every.max(1) == 0 {
                 see(&simulation);
             }
             let now_s = simulation.t_s();
-            for (i, (commands, told)) in self.joints.iter().zip(&mut told).enumerate() {
-                while commands.get(*told).is_some_and(|(t_s, _)| *t_s <= now_s) {
-                    *told += 1;
-                }
-                if let Some((t_s, command)) = told.checked_sub(1).map(|at| commands[at]) {
-                    simulation.set_joint(i, moved_on(command, now_s - t_s));
+            for i in 0..self.joints.len() {
+                if let Some(command) = self.told(i, now_s) {
+                    simulation.set_joint(i, command);
                 }
             }
             while let Some((_, open)) = self.valves.get(opened).filter(|row| row.0 <= now_s) {

@@ -19,5 +19,3 @@ mod tolerance;
 mod trial;
 pub mod unexplained;
 mod verdict;
-
-pub use fss_estimation::smoothing as smoother;

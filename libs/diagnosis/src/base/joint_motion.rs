@@ -39,9 +39,13 @@ impl JointMotion {
         self.slopes[self.grid.locate(t_s).0][joint]
     }
 
-    /// What the rows change by with a motion of a joint: its angle and rate over time.
-    pub(super) fn rows(&self, samples: &Samples, joint: usize, motion: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
-        let pose = |t_s: f64| self.at(t_s, joint).map(|slope| slope * motion(t_s)[0]);
-        samples.read_small(pose, |t_s| self.at(t_s, joint)[2] * motion(t_s)[1])
+    /// What the rows change by with a motion of the joints: angle and rate of each over time.
+    pub(super) fn rows(&self, samples: &Samples, motion: impl Fn(usize, f64) -> [f64; 2]) -> Vec<f64> {
+        let joints = self.slopes[0].len();
+        let pose = |t_s: f64| {
+            let of = |joint: usize| self.at(t_s, joint).map(|slope| slope * motion(joint, t_s)[0]);
+            (0..joints).map(of).fold([0.0; 3], |sum, own| std::array::from_fn(|i| sum[i] + own[i]))
+        };
+        samples.read_small(pose, |t_s| (0..joints).map(|joint| self.at(t_s, joint)[2] * motion(joint, t_s)[1]).sum())
     }
 }

@@ -1,7 +1,7 @@
 //! The motion of the base that forces along the measured path give.
 
 use crate::path::{EncoderPath, PosePath};
-use fss_multibody::{Coordinates, JointVector, MAX_DOF, ModelError, State};
+use fss_multibody::{Coordinates, JointVector, MAX_DOF, Model, ModelError, State};
 use fss_plant::{BaseMotion, Effect, Grid, JointSample, Physics, Plant, Rollout, ValveHistory};
 use std::sync::{Arc, Mutex};
 
@@ -50,6 +50,8 @@ pub(super) struct Carriage {
     pub(super) inertia_kg_m2: Vec<f64>,
     /// Angular momentum of the joint rates about it (kg m^2/s).
     pub(super) joint_momentum: Vec<f64>,
+    /// Its mean over each cell: of what the joints turn by within it, for a servo's rate jumps there.
+    mean_joint_momentum: Vec<f64>,
     pub(super) samples: Vec<JointSample>,
 }
 
@@ -126,6 +128,11 @@ impl Predictor {
             com_m: Vec::with_capacity(angle.len()),
             inertia_kg_m2: Vec::with_capacity(angle.len()),
             joint_momentum: Vec::with_capacity(angle.len()),
+            mean_joint_momentum: if moves {
+                mean_momentum(&model, &angle, self.pose.grid.step_s)
+            } else {
+                vec![0.0; angle.len()]
+            },
             samples: Vec::with_capacity(angle.len()),
         };
         let at_rest = Coordinates::zeros();
@@ -190,6 +197,16 @@ impl Predictor {
     }
 }
 
+/// Mean angular momentum of the joints' rates about the centre of mass over each cell (kg m^2/s).
+fn mean_momentum(model: &Model, angle: &[JointVector], step_s: f64) -> Vec<f64> {
+    let of_cell = |ends: &[JointVector]| {
+        let (from, to) = (ends[0], ends[1]);
+        let state = State { q: joints_only(&(0.5 * (from + to))), v: joints_only(&((to - from) / step_s)) };
+        model.momentum(&state).angular_about_com
+    };
+    angle.windows(2).map(of_cell).collect()
+}
+
 /// Momentum from forces, pose and rate from momentum.
 fn integrate(
     physics: &Physics,
@@ -228,8 +245,8 @@ fn integrate(
             place[i] += dt * (speed[i] + 0.5 * dt * acceleration);
             speed[i] += dt * acceleration;
         }
-        let joint = middle(carriage.joint_momentum[k], carriage.joint_momentum[k + 1]);
-        theta += dt * (momentum + 0.5 * dt * torque - joint) / middle(inertia[k], inertia[k + 1]);
+        let turning = momentum + 0.5 * dt * torque - carriage.mean_joint_momentum[k];
+        theta += dt * turning / middle(inertia[k], inertia[k + 1]);
         momentum += dt * torque;
     }
     (poses, rates)

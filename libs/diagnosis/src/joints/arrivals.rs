@@ -12,7 +12,7 @@
 use super::mechanics::Mechanics;
 use super::path::Reference;
 use super::rows::{Kind, Row, Slopes, moments};
-use crate::servo_response::ARRIVAL_SD_S;
+use crate::servo_response::{ARRIVAL_SD_S, generalized_inertia};
 use fss_experiments::commands::Commands;
 use fss_multibody::Coordinates;
 use fss_plant::{JointCommand, Plant};
@@ -55,15 +55,8 @@ impl Loop {
         let mut q = Coordinates::zeros();
         let arm = mechanics.arm(t_s);
         (0..n).for_each(|i| q[3 + i] = arm.q_rad[i]);
-        let mass = mechanics.model(t_s).mass_matrix(&q);
-        let full = DMatrix::from_fn(3 + n, 3 + n, |i, j| mass[(i, j)]);
-        let joints = if plant.base.clamped {
-            full.view((3, 3), (n, n)).into_owned()
-        } else {
-            let inverse = full.try_inverse()?.view((3, 3), (n, n)).into_owned();
-            inverse.try_inverse()?
-        };
-        let inverse = joints.try_inverse()?;
+        let inertia = generalized_inertia(mechanics.model(t_s), plant.base.clamped, &q)?;
+        let inverse = inertia.try_inverse()?;
         let diagonal = |of: &dyn Fn(usize) -> f64| DMatrix::from_diagonal(&DVector::from_fn(n, |i, _| of(i)));
         let velocity = &inverse * diagonal(&|i| plant.servo(i).velocity_gain_n_m_s_rad);
         let position = &velocity * diagonal(&|i| plant.servo(i).position_gain_1_s);

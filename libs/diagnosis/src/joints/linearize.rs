@@ -1,8 +1,9 @@
 //! What the rows would have read along the measured path, and how they depend on the motion beside it.
 
-use super::mechanics::{ArmState, Mechanics, direction};
+use super::mechanics::{ArmState, Mechanics};
 use super::path::MeasuredPath;
 use super::rows::{Kind, Row, Slopes, moments};
+use crate::friction::direction;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use fss_plant::Plant;
 use nalgebra::{DVector, Matrix3, SMatrix};

@@ -5,6 +5,8 @@
 
 use super::path::MeasuredPath;
 use super::track::Track;
+use crate::friction::direction;
+use crate::servo_response::ClosedLoop;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, Model, ModelError, State};
 use fss_plant::{
@@ -14,8 +16,6 @@ use nalgebra::Vector3;
 
 /// Spacing of the thrust's samples, s: valves move in hundredths of a second.
 const THRUST_STEP_S: f64 = 0.005;
-/// Rates below about this are not told from rest, rad/s: a gear's teeth and a driver's dither move a joint at rest so fast.
-const REST_RAD_S: f64 = 0.006;
 /// Share of the nominal torque constant that a motor keeps: a current is finite whatever the motor gives for it.
 const LEAST_TORQUE_CONSTANT: f64 = 0.01;
 
@@ -138,6 +138,18 @@ impl<'a> Mechanics<'a> {
     /// The mechanism at `t_s`.
     pub(super) fn model(&self, t_s: f64) -> &Model {
         self.rollout.model(t_s)
+    }
+
+    /// The drives along the path; `None` where a posture is no mechanism.
+    pub(super) fn closed_loop(&self) -> Option<ClosedLoop> {
+        let start_s = self.path.start_s();
+        let at = |k: usize| {
+            let t_s = start_s + self.path.step_s() * k as f64;
+            let mut q = Coordinates::zeros();
+            self.path.joints.iter().enumerate().for_each(|(i, track)| q[3 + i] = track.at(t_s)[0]);
+            (self.model(t_s), q)
+        };
+        ClosedLoop::new(self.path.nodes(), self.path.step_s(), self.physics(start_s), at)
     }
 
     /// The arm at the true time `t_s`.
@@ -358,12 +370,6 @@ fn through_gear(joint: &JointPhysics, [motor, rate, acceleration]: [f64; 3]) -> 
     let link_rate = rate / ratio;
     let curvature = amplitude * cycles * cycles * (cycles * link).sin();
     [link, link_rate, (acceleration - curvature * link_rate * link_rate) / ratio]
-}
-
-/// The direction of sliding, -1 to 1, that is expected of a rate known to the standard deviation `sd`: the hyperbolic tangent
-/// that is closest to the normal distribution's integral.
-pub(super) fn direction(rate_rad_s: f64, sd_rad_s: f64) -> f64 {
-    (rate_rad_s / (sd_rad_s.hypot(REST_RAD_S) * 1.25)).tanh()
 }
 
 /// A pose in the frame of another.

@@ -1,9 +1,10 @@
 //! The measured path: what encoders and motion capture said, as functions of time.
 
-use super::smoother::{Reading, likeliest_jerk, smooth, smooth_with};
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
-use crate::servo_response::{self, Nodes, Response};
+use crate::servo_response::{self, Nodes, Response, datagrams};
+use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
+use fss_experiments::commands::Commands;
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
 
@@ -22,15 +23,14 @@ const LEAST_RATE_SD: f64 = 6e-5;
 pub(super) struct Reference {
     /// Each joint's motion.
     pub(super) joints: Vec<Track>,
-    /// What it changes by with each gain of its servo ([`Response::by_gain`]); empty without datagrams.
-    pub(super) changes: Vec<Vec<Nodes>>,
+    /// The same as servos answer datagrams; `None` without any.
+    pub(super) response: Option<Response>,
 }
 
 impl Reference {
     fn of(response: Response, start_s: f64) -> Self {
-        let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
-        let joints = response.nominal.into_iter().map(track).collect();
-        Self { joints, changes: response.by_gain }
+        let track = |nodes: &Nodes| Track::new(start_s, NODE_S, nodes.clone());
+        Self { joints: response.nominal.iter().map(track).collect(), response: Some(response) }
     }
 }
 
@@ -47,8 +47,6 @@ pub(super) struct MeasuredPath {
     pub(super) base: Option<[Track; 3]>,
     start_s: f64,
     nodes: usize,
-    /// Telemetry of each joint, and the density of jerk with which it is smoothed, rad/s3 per root Hz.
-    telemetry: Vec<(Vec<Reading>, f64)>,
 }
 
 impl MeasuredPath {
@@ -69,17 +67,15 @@ impl MeasuredPath {
         }
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
         let tracks = |all: Vec<Nodes>| all.into_iter().map(track).collect::<Vec<_>>();
-        let datagrams = run.commands.as_ref().filter(|c| c.joints.len() == links);
-        let response = datagrams.and_then(|commands| servo_response::response(plant, commands, &grid_s).ok());
+        let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &grid_s).ok());
         let reference = if let Some(response) = response {
             Some(Reference::of(response, start_s))
         } else {
             let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
             let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
-            command.map(|command| Reference { joints: tracks(follow(command)), changes: Vec::new() })
+            command.map(|command| Reference { joints: tracks(follow(command)), response: None })
         };
-        let (base, telemetry) = (None, Vec::new());
-        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base, start_s, nodes, telemetry };
+        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
         }
@@ -97,42 +93,48 @@ impl MeasuredPath {
                 Reading { angle: r.angle.map(|(v, n)| (v - q, n)), rate: r.rate.map(|(v, n)| (v - qd, n)), ..*r }
             })
             .collect();
-        let jerk = likeliest_jerk(&deviations);
-        let smoothed = smooth_with(&deviations, jerk, grid_s);
-        self.telemetry.push((deviations, jerk));
-        let sum = |(t, s): (&f64, &super::smoother::Smoothed)| {
+        let smoother = Smoother::new(&deviations, likeliest_jerk(&deviations), grid_s);
+        let sum = |(t, beside): (&f64, &[f64; 3])| {
             let expected = at(*t);
-            std::array::from_fn(|i| expected[i] + s.value[i])
+            std::array::from_fn(|i| expected[i] + beside[i])
         };
-        let nodes = grid_s.iter().zip(&smoothed).map(sum).collect();
+        let nodes = grid_s.iter().zip(&smoother.path(&deviations)).map(sum).collect();
         self.joints.push(Track::new(self.start_s, NODE_S, nodes));
-        self.rate_sd.push(smoothed.iter().map(|s| s.rate_sd).collect());
+        self.rate_sd.push(smoother.variances().iter().map(|v| v[1].sqrt()).collect());
     }
 
-    /// What of a change of a joint's motion, on the nodes of this path, telemetry does not show between its rows.
-    pub(super) fn unseen(&self, joint: usize, change: &Nodes) -> Track {
-        let whole = self.track(change.clone());
-        let (telemetry, jerk) = &self.telemetry[joint];
-        let reading = |r: &Reading| {
-            let [angle, rate, _] = whole.at(r.t_s);
-            Reading { angle: r.angle.map(|(_, n)| (angle, n)), rate: r.rate.map(|(_, n)| (rate, n)), ..*r }
-        };
-        let readings: Vec<Reading> = telemetry.iter().map(reading).collect();
+    /// What a plant's servos make of datagrams, on the nodes of this path; `None` where the plant is no mechanism.
+    pub(super) fn reference_of(&self, plant: &Plant, commands: &Commands) -> Option<Reference> {
         let grid_s: Vec<f64> = self.grid_s().collect();
-        let seen = smooth_with(&readings, *jerk, &grid_s);
-        let rest = change.iter().zip(&seen).map(|(all, seen)| std::array::from_fn(|i| all[i] - seen.value[i]));
-        self.track(rest.collect())
-    }
-
-    /// What servos answer, on the nodes of this path.
-    pub(super) fn reference_of(&self, response: Response) -> Reference {
-        Reference::of(response, self.start_s)
+        Some(Reference::of(servo_response::response(plant, commands, &grid_s).ok()?, self.start_s))
     }
 
     /// Times of the nodes, s.
     pub(super) fn grid_s(&self) -> impl Iterator<Item = f64> + use<> {
         let start_s = self.start_s;
         (0..self.nodes).map(move |k| start_s + NODE_S * k as f64)
+    }
+
+    /// Time of the first node, s, and number of nodes.
+    pub(super) fn start_s(&self) -> f64 {
+        self.start_s
+    }
+
+    pub(super) fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// The node nearest to a time.
+    pub(super) fn node(&self, t_s: f64) -> usize {
+        (((t_s - self.start_s) / NODE_S).round().max(0.0) as usize).min(self.nodes - 1)
+    }
+
+    /// Between nodes on a straight line each of angle, rate and acceleration, for a rate that jumps where a joint comes to rest.
+    pub(super) fn between(&self, nodes: &Nodes, t_s: f64) -> [f64; 3] {
+        let place = ((t_s - self.start_s) / NODE_S).clamp(0.0, (self.nodes - 1) as f64);
+        let before = (place as usize).min(self.nodes.saturating_sub(2));
+        let (share, from, to) = (place - before as f64, nodes[before], nodes[(before + 1).min(self.nodes - 1)]);
+        std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
     }
 
     /// A track on the nodes of this path.
@@ -148,8 +150,7 @@ impl MeasuredPath {
 
     /// Standard deviation of a joint's smoothed rate at `t_s`, rad/s.
     pub(super) fn rate_sd(&self, joint: usize, t_s: f64) -> f64 {
-        let node = ((t_s - self.start_s) / NODE_S).round().max(0.0) as usize;
-        self.rate_sd[joint].get(node).or(self.rate_sd[joint].last()).copied().unwrap_or(0.0)
+        self.rate_sd[joint].get(self.node(t_s)).copied().unwrap_or(0.0)
     }
 
     /// How far each joint's path is from a reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
@@ -226,7 +227,7 @@ fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]
             Some(Reading { t_s, angle: Some((value, sd.max(LEAST_ANGLE_SD).powi(2) / count)), rate: None })
         };
         let readings: Vec<Reading> = rows.iter().filter_map(reading).collect();
-        let nodes = smooth(&readings, grid_s).iter().map(|s| s.value).collect();
+        let nodes = Smoother::new(&readings, likeliest_jerk(&readings), grid_s).path(&readings);
         Track::new(grid_s.first().copied().unwrap_or(0.0), NODE_S, nodes)
     };
     Some([track(0), track(1), track(2)])

@@ -73,7 +73,7 @@ impl Search<'_> {
         // A process that is far too weak to be seen has no slope: each strength is tried far from where it starts, too.
         let mut found = value(&logs);
         for (i, h) in self.problem.hyper.iter().enumerate() {
-            if h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
+            if width < 0.5 || h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
                 continue;
             }
             for by in FAR {

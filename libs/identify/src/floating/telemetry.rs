@@ -1,6 +1,6 @@
 //! The joints of a run as telemetry shows them: smoothed readings on a grid.
 
-use crate::smoother::{Measurement, Noise, Smoothed, smooth};
+use fss_estimation::smoothing::{self, Smoother, likeliest_jerk};
 use fss_experiments::measured::Run;
 use fss_plant::Sensors;
 
@@ -30,31 +30,32 @@ pub(crate) fn readings(
         Some([q + (t - within) * qd, qd, if t == within { qdd } else { 0.0 }])
     };
     let command = |t: f64| command(t).unwrap_or([0.0; 3]);
-    let noise = Noise { angle: sensors.encoder_rad.max(1e-6), rate: sensors.encoder_rate_rad_s.max(1e-5) };
-    let measurements = measurements(run, joint, &command, age_s);
-    let deviations = smooth(&measurements, noise, grid_s);
-    let reading = |(t, d): (&f64, Smoothed)| {
-        let [q, qd, qdd] = command(*t);
-        Reading {
-            value: [q + d.angle, qd + d.rate, qdd + d.acceleration],
-            variance: [d.angle_variance, d.rate_variance, d.acceleration_variance],
-        }
+    let sd = [sensors.encoder_rad.max(1e-6), sensors.encoder_rate_rad_s.max(1e-5)];
+    let told = told(run, joint, sd.map(|s| s * s), &command, age_s);
+    let smoother = Smoother::new(&told, likeliest_jerk(&told), grid_s);
+    let (deviations, variances) = (smoother.path(&told), smoother.variances());
+    let reading = |(t, (d, variance)): (&f64, ([f64; 3], [f64; 3]))| {
+        let c = command(*t);
+        Reading { value: std::array::from_fn(|i| c[i] + d[i]), variance }
     };
-    grid_s.iter().zip(deviations).map(reading).collect()
+    grid_s.iter().zip(deviations.into_iter().zip(variances)).map(reading).collect()
 }
 
-fn measurements(
+fn told(
     run: &Run,
     joint: usize,
+    [angle_variance, rate_variance]: [f64; 2],
     command: &dyn Fn(f64) -> [f64; 3],
     age_s: &dyn Fn(f64) -> f64,
-) -> Vec<Measurement> {
+) -> Vec<smoothing::Reading> {
     let Some(joints) = &run.joints else { return Vec::new() };
     let (angle, rate) = (joints.q_rad.get(joint), joints.qd_rad_s.get(joint));
     let at = |k: usize| {
         let t_s = joints.t_s[k] - age_s(joints.t_s[k]);
         let [q, qd, _] = command(t_s);
-        Measurement { t_s, angle: angle.map(|v| v[k] - q), rate: rate.map(|v| v[k] - qd) }
+        let angle = angle.filter(|v| v[k].is_finite()).map(|v| (v[k] - q, angle_variance));
+        let rate = rate.filter(|v| v[k].is_finite()).map(|v| (v[k] - qd, rate_variance));
+        smoothing::Reading { t_s, angle, rate }
     };
     (0..joints.t_s.len()).map(at).collect()
 }
