@@ -6,7 +6,7 @@ use crate::local::{LocalTopics, kind_of};
 use crate::port::{Sink, Source};
 use crate::raw::RawTopic;
 use crate::shared::{READERS, SharedConfig, SharedTopics};
-use crossbeam::queue::ArrayQueue;
+use crossbeam_queue::ArrayQueue;
 use fss_messages::Sample;
 use fss_messages::topic::{self, Owner, Topic};
 use std::any::Any;

@@ -50,20 +50,11 @@ impl Problem {
         parameters: &[usize],
         cache: &GramCache,
     ) -> Option<Gram> {
-        let mut sum: Option<Gram> = None;
-        for own in self.grams_of_runs(linearized, hyper, parameters, cache)? {
-            match &mut sum {
-                None => sum = Some(own),
-                Some(sum) => {
-                    sum.products += own.products;
-                    sum.log_det += own.log_det;
-                }
-            }
-        }
-        sum
+        let runs = self.constant_grams(linearized, hyper, parameters, cache);
+        varied_about_mean(&runs, &variation(linearized, hyper, parameters)?)
     }
 
-    /// The same of each run that has any block.
+    /// The same of each run that has any block, alone.
     pub(crate) fn grams_of_runs(
         &self,
         linearized: &Linearized,
@@ -71,6 +62,18 @@ impl Problem {
         parameters: &[usize],
         cache: &GramCache,
     ) -> Option<Vec<Gram>> {
+        let sd = variation(linearized, hyper, parameters)?;
+        self.constant_grams(linearized, hyper, parameters, cache).into_iter().map(|own| varied(own, &sd)).collect()
+    }
+
+    /// The same without variation from run to run.
+    fn constant_grams(
+        &self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        parameters: &[usize],
+        cache: &GramCache,
+    ) -> Vec<Gram> {
         let of_member = |(k, (member, columns)): (usize, (&Member, &Vec<Vec<f64>>))| {
             let own = self.hyper_of(member, hyper);
             let gram = cache.get(k, own, || {
@@ -88,8 +91,6 @@ impl Problem {
         let all: Vec<(usize, Arc<Gram>)> =
             self.members.par_iter().zip(&linearized.columns).enumerate().map(of_member).collect();
         let n = parameters.len() + 1;
-        let kappa = *hyper.last()?;
-        let sd: Vec<f64> = parameters.iter().map(|p| kappa * linearized.size[*p]).collect();
         let mut out = Vec::new();
         for run in (0..self.runs).filter(|run| all.iter().any(|(of, _)| of == run)) {
             let mut own = Gram { products: DMatrix::zeros(n, n), log_det: 0.0 };
@@ -97,10 +98,16 @@ impl Problem {
                 own.products += &gram.products;
                 own.log_det += gram.log_det;
             }
-            out.push(varied(own, &sd)?);
+            out.push(own);
         }
-        Some(out)
+        out
     }
+}
+
+/// Standard deviation by which each parameter varies from run to run.
+fn variation(linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<Vec<f64>> {
+    let share = *hyper.last()?;
+    Some(parameters.iter().map(|p| share * linearized.size[*p]).collect())
 }
 
 /// What is kept of a linearization and a choice of parameters: each block's columns, and its Gram matrices that were asked for
@@ -145,19 +152,88 @@ impl GramCache {
 }
 
 /// A run's Gram matrix after its own perturbation of every parameter, of these standard deviations, is integrated out.
-fn varied(mut gram: Gram, sd: &[f64]) -> Option<Gram> {
+fn varied(gram: Gram, sd: &[f64]) -> Option<Gram> {
     let active: Vec<usize> = (0..sd.len()).filter(|i| sd[*i] > 0.0).collect();
-    if active.is_empty() {
+    let (k, n) = (active.len(), gram.products.ncols());
+    let of = |a: usize, b: usize| sd[active[a]] * gram.products[(active[a] + 1, active[b] + 1)] * sd[active[b]];
+    let own = DMatrix::from_fn(k, k, of);
+    let across = DMatrix::from_fn(k, n, |a, j| sd[active[a]] * gram.products[(active[a] + 1, j)]);
+    integrated_out(gram, own, across)
+}
+
+/// The sum of runs' Gram matrices after perturbations of every parameter in each run, of these standard deviations, are integrated
+/// out. A parameter is its mean over the runs: perturbations add up to 0, or together they could stand for the mean.
+fn varied_about_mean(runs: &[Gram], sd: &[f64]) -> Option<Gram> {
+    let mut sum = runs.first()?.clone();
+    for own in &runs[1..] {
+        sum.products += &own.products;
+        sum.log_det += own.log_det;
+    }
+    let active: Vec<usize> = (0..sd.len()).filter(|i| sd[*i] > 0.0).collect();
+    // Orthonormal contrasts between runs (Helmert): the c-th is between run c + 1 and all before it.
+    let contrast = |c: usize, run: usize| {
+        let before = (c + 1) as f64;
+        let size = (before * (before + 1.0)).sqrt();
+        if run <= c {
+            1.0 / size
+        } else if run == c + 1 {
+            -before / size
+        } else {
+            0.0
+        }
+    };
+    let places: Vec<(usize, usize)> =
+        (0..runs.len() - 1).flat_map(|c| active.iter().map(move |parameter| (c, *parameter))).collect();
+    let over_runs = |value: &dyn Fn(usize) -> f64| (0..runs.len()).map(value).sum::<f64>();
+    let own = DMatrix::from_fn(places.len(), places.len(), |i, j| {
+        let ((c, a), (d, b)) = (places[i], places[j]);
+        sd[a] * sd[b] * over_runs(&|r| contrast(c, r) * contrast(d, r) * runs[r].products[(a + 1, b + 1)])
+    });
+    let across = DMatrix::from_fn(places.len(), sum.products.ncols(), |i, j| {
+        let (c, a) = places[i];
+        sd[a] * over_runs(&|r| contrast(c, r) * runs[r].products[(a + 1, j)])
+    });
+    integrated_out(sum, own, across)
+}
+
+/// A Gram matrix after more columns with standard normal coefficients are integrated out: their Gram matrix, and their products with
+/// all others.
+fn integrated_out(mut gram: Gram, mut own: DMatrix<f64>, mut across: DMatrix<f64>) -> Option<Gram> {
+    let count = own.nrows();
+    if count == 0 {
         return Some(gram);
     }
-    let k = active.len();
-    let of = |a: usize, b: usize| gram.products[(active[a] + 1, active[b] + 1)];
-    let scaled = DMatrix::from_fn(k, k, |a, b| sd[active[a]] * of(a, b) * sd[active[b]] + f64::from(u8::from(a == b)));
-    let cholesky = Cholesky::new(scaled)?;
-    let n = gram.products.ncols();
-    let mut rows = DMatrix::from_fn(k, n, |a, j| sd[active[a]] * gram.products[(active[a] + 1, j)]);
-    cholesky.l_dirty().solve_lower_triangular_mut(&mut rows);
-    gram.products -= rows.tr_mul(&rows);
-    gram.log_det += 2.0 * (0..k).map(|i| cholesky.l_dirty()[(i, i)].ln()).sum::<f64>();
+    (0..count).for_each(|i| own[(i, i)] += 1.0);
+    let cholesky = Cholesky::new(own)?;
+    cholesky.l_dirty().solve_lower_triangular_mut(&mut across);
+    gram.products -= across.tr_mul(&across);
+    gram.log_det += 2.0 * (0..count).map(|i| cholesky.l_dirty()[(i, i)].ln()).sum::<f64>();
     Some(gram)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Runs of one number each, of unit noise, that a parameter adds to: data in the first row.
+    fn runs(data: &[f64]) -> Vec<Gram> {
+        let of = |y: &f64| Gram { products: DMatrix::from_row_slice(2, 2, &[y * y, *y, *y, 1.0]), log_det: 0.0 };
+        data.iter().map(of).collect()
+    }
+
+    #[test]
+    fn what_varies_from_run_to_run_leaves_the_mean_alone() {
+        // The mean of the runs has the same likelihood as without variation; deviations from it are worth less.
+        let data = [3.0, 5.0, 4.0];
+        let (constant, varying) =
+            (varied_about_mean(&runs(&data), &[0.0]).unwrap(), varied_about_mean(&runs(&data), &[2.0]).unwrap());
+        for at in [(0, 1), (1, 0), (1, 1)] {
+            assert!((constant.products[at] - varying.products[at]).abs() < 1e-12);
+        }
+        // Closed form: contrasts have the variance 1 + 4.
+        let (mean_square, scatter) = (3.0 * 16.0, 2.0);
+        assert!((varying.products[(0, 0)] - (mean_square + scatter / 5.0)).abs() < 1e-12);
+        assert!((varying.log_det - 2.0 * 5.0_f64.ln()).abs() < 1e-12);
+    }
 }

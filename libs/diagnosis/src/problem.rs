@@ -44,7 +44,7 @@ const VARIATION: HyperParameter = HyperParameter {
     name: "variation from run to run, share of size",
     median: 0.05,
     log_sd: 1.5,
-    bounds: [1e-4, 0.3],
+    bounds: [1e-4, 3.0],
     strength_of: None,
 };
 

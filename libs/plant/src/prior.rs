@@ -1,15 +1,14 @@
 //! What is believed of an effect before any data: how its parameters enter a prediction, how large they may be.
 //!
 //! Each parameter has a spike, the deviation that every laboratory has and nobody states, and a slab, a departure that would
-//! be named: a normal distribution about the nominal value, of one of four widths, [`SLAB_WIDTHS`] times the typical size.
+//! be named: a normal distribution about the nominal value, of one of three widths, [`SLAB_WIDTHS`] times the typical size.
 //! Special values, such as a thruster that is stuck shut, are points besides.
 
 use crate::about::{MAX_PARAMETERS, Parameter};
 use crate::file::Plant;
 
-/// Standard deviations of the slabs over the typical size of a departure, each with the same probability: from a small one to a value
-/// that is wrong by a factor, a slip of a formula.
-pub const SLAB_WIDTHS: [f64; 4] = [0.25, 1.0, 4.0, 16.0];
+/// Standard deviations of the three slabs over the typical size of a departure, each with a third of the probability.
+pub const SLAB_WIDTHS: [f64; 3] = [0.25, 1.0, 4.0];
 /// Spike over typical size where an effect's file gives none: a laboratory leaves about a hundredth of what it would notice.
 const SPIKE_SHARE: f64 = 0.01;
 /// Of the friction that would be named, what no data sheet tells: oil and grease warm up.

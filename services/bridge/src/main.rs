@@ -1,7 +1,7 @@
 //! `fss-bridge`: samples to and from other vehicles, and to nodes of ROS 2, as a program of its own. The launcher starts it as `fss service bridge`.
 
 use clap::Parser;
-use crossbeam::queue::ArrayQueue;
+use crossbeam_queue::ArrayQueue;
 use fss_bridge::device::{Device, Network};
 use fss_bridge::inward::Inward;
 use fss_bridge::{Bridge, CALLED_QUEUE, HEARD_QUEUE, Line, Patience, ROS2_QUEUE, SAID_QUEUE, ros2};

@@ -166,7 +166,7 @@ impl Flown {
         let launch = Launch::parse(LAUNCH, &["bridge"]).unwrap();
         let bus = Bus::local().for_stack(&launch);
         let patience = Patience { max_age: Duration::from_millis(300), silent_after: Duration::from_secs(1) };
-        let words = Arc::new(crossbeam::queue::ArrayQueue::new(4));
+        let words = Arc::new(crossbeam_queue::ArrayQueue::new(4));
         let bridge = Bridge::new(bus.neighbours(), patience, Line::default(), words);
         Self {
             bridge: Runner::new(bridge, &bus).unwrap(),

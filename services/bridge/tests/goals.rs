@@ -68,7 +68,7 @@ impl Flown {
         let launch = Launch::parse(LAUNCH, &["bridge"]).unwrap();
         let bus = Bus::local().for_stack(&launch);
         let inward = Inward::new(&launch.ros2.unwrap().receive, ["joint_1", "joint_2"].map(str::to_owned).to_vec());
-        let words = Arc::new(crossbeam::queue::ArrayQueue::new(4));
+        let words = Arc::new(crossbeam_queue::ArrayQueue::new(4));
         let bridge = Bridge::new(bus.neighbours(), Patience::default(), Line::default(), words).with_nodes(inward);
         Self {
             bridge: Runner::new(bridge, &bus).unwrap(),

@@ -2,7 +2,7 @@
 //!
 //! Requests come on the viewers' threads and wait in a bounded queue for the service's step, as a device's messages do.
 
-use crossbeam::queue::ArrayQueue;
+use crossbeam_queue::ArrayQueue;
 use fss_bus::{Bus, Output, Queue, Time};
 use fss_messages::parameter::Parameter;
 use fss_messages::{Event, MissionCommand, PARAMETERS, Parameters};

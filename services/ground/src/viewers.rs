@@ -6,7 +6,7 @@ use crate::frame;
 use crate::outbox::Put;
 use crate::uplink::{Desk, Told};
 use crate::viewer::{Viewer, lock};
-use crossbeam::queue::ArrayQueue;
+use crossbeam_queue::ArrayQueue;
 use fss_bus::Queue;
 use fss_messages::Event;
 use serde_json::json;

@@ -19,7 +19,7 @@ pub use inputs::AllTopics;
 pub use tape::{Limits, Opener};
 
 use block::Block;
-use crossbeam::queue::ArrayQueue;
+use crossbeam_queue::ArrayQueue;
 use fss_bus::{Bus, Output, Queue, Service, Time, outputs};
 use fss_messages::{Event, topic};
 use fss_records::log::LogError;

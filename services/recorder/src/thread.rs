@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::tape::Tape;
-use crossbeam::queue::ArrayQueue;
+use crossbeam_queue::ArrayQueue;
 use fss_records::log::LogError;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

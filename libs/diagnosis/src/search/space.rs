@@ -4,9 +4,8 @@ use crate::problem::{Present, Problem};
 use fss_estimation::evidence::SpikePosterior;
 use std::collections::{BTreeMap, HashMap};
 
-/// Variations from run to run that sets are compared at. They are taken in proportion to the size that a cause has in the model, which
-/// its mean may leave only as far as a share of it: more would let variation stand for the cause.
-pub(super) const VARIATIONS: [f64; 4] = [1e-4, 0.03, 0.1, 0.3];
+/// Variations from run to run that sets are compared at.
+pub(super) const VARIATIONS: [f64; 5] = [1e-4, 0.03, 0.1, 0.3, 1.0];
 
 /// The candidates, and which of them a round looks at.
 pub(crate) struct Search<'a> {

@@ -28,11 +28,11 @@ impl NatnetServer {
         let socket = bind(natnet.server, "motion capture".to_owned())?;
         arrivals.watch(&socket, Line::Tracker).map_err(LabError::Watch)?;
         if let (Some(_), IpAddr::V4(local)) = (natnet.multicast, natnet.server.ip()) {
-            let multicast = socket2::SockRef::from(&socket).set_multicast_if_v4(&local);
-            multicast.map_err(|source| LabError::Udp {
+            let multicast = rustix::net::sockopt::set_ip_multicast_if(&socket, &local);
+            multicast.map_err(|errno| LabError::Udp {
                 what: "motion capture's multicast".to_owned(),
                 address: natnet.server,
-                source,
+                source: errno.into(),
             })?;
         }
         let info = ServerInfo {

@@ -3,7 +3,7 @@
 use super::{DATAGRAM_LEN, Ear, wait};
 use fss_bus::launch::Natnet;
 use fss_wire::natnet::{Request, ServerInfo};
-use socket2::{Domain, Protocol, Socket, Type};
+use rustix::net::{AddressFamily, SocketFlags, SocketType, bind, ipproto, socket_with, sockopt};
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::time::{Duration, Instant};
@@ -69,11 +69,11 @@ impl Client {
 
 /// A socket that hears a group; others on this computer may hear it too.
 fn join(group: SocketAddrV4, local: IpAddr) -> io::Result<UdpSocket> {
-    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-    socket.set_reuse_address(true)?;
-    socket.bind(&SocketAddr::from(group).into())?;
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, flags, Some(ipproto::UDP))?;
+    sockopt::set_socket_reuseaddr(&socket, true)?;
+    bind(&socket, &group)?;
     let interface = if let IpAddr::V4(local) = local { local } else { Ipv4Addr::UNSPECIFIED };
-    socket.join_multicast_v4(group.ip(), &interface)?;
-    socket.set_nonblocking(true)?;
+    sockopt::set_ip_add_membership(&socket, group.ip(), &interface)?;
     Ok(socket.into())
 }
