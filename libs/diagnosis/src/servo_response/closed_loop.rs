@@ -145,7 +145,7 @@ impl ClosedLoop {
         let (before, after) = (&self.inertia[segment], &other.inertia[segment]);
         let joints = self.drives.len();
         for (i, (own, new)) in self.drives.iter().zip(&other.drives).enumerate() {
-            let ratio = new.torque_scale / own.torque_scale;
+            let ratio = new.torque_scale / own.torque_scale.max(LEAST_SCALE);
             let (rate, _, error) = at(i);
             let turned = (new.position_gain_1_s - own.position_gain_1_s) * error.angle_rad;
             let gains = (new.velocity_gain_n_m_s_rad - own.velocity_gain_n_m_s_rad) * error.rate_rad_s
