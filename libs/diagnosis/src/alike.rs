@@ -1,9 +1,8 @@
 //! Causes that these data cannot tell apart at all: what one does, the other does with another size.
 
-use crate::problem::{Center, Linearized, Present, Problem, difference};
+use crate::problem::{Linearized, Present, Problem, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
-use fss_plant::Plant;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -23,7 +22,7 @@ impl Problem {
         &self,
         linearized: &Linearized,
         hyper: &[f64],
-        center: &Center,
+        model: &[Present],
         present: &Present,
     ) -> Result<Vec<(usize, Vec<f64>)>, ModelError> {
         let own = present.candidate;
@@ -31,9 +30,8 @@ impl Problem {
         let Some(products) = self.products(&self.prepared(linearized), hyper, &base, &mut HashMap::new()) else {
             return Ok(Vec::new());
         };
-        let (model, plant) = (&center.model, self.settled(&center.values));
         let rest: Vec<Present> = model.iter().filter(|p| p.candidate != own).cloned().collect();
-        let (without, with) = (self.predictions(&plant, &rest)?, self.predictions(&plant, model)?);
+        let (without, with) = (self.predictions(&rest)?, self.predictions(model)?);
         let action = |of: &Predictions| -> Predictions {
             of.iter().zip(&without).map(|(with, without)| difference(with, without, 1.0)).collect()
         };
@@ -55,8 +53,7 @@ impl Problem {
             for _ in 0..SIZING_STEPS {
                 let mut replaced = rest.clone();
                 replaced.push(Present { candidate: other, coordinates: coordinates.clone() });
-                let [a, cross, b] =
-                    self.whitened_products(hyper, &mine, &action(&self.predictions(&plant, &replaced)?));
+                let [a, cross, b] = self.whitened_products(hyper, &mine, &action(&self.predictions(&replaced)?));
                 if cross.abs() > IDENTICAL * (a * b).sqrt() {
                     out.push((other, coordinates));
                     break;
@@ -67,9 +64,9 @@ impl Problem {
         Ok(out)
     }
 
-    fn predictions(&self, plant: &Plant, model: &[Present]) -> Result<Predictions, ModelError> {
+    fn predictions(&self, model: &[Present]) -> Result<Predictions, ModelError> {
         let effects = self.effects(model);
-        self.members.par_iter().map(|m| m.block.predict(plant, &effects)).collect()
+        self.members.par_iter().map(|m| m.block.predict(&self.plant, &effects)).collect()
     }
 
     /// Scalar products of two actions, whitened: of the first with itself, of both, of the second with itself.

@@ -28,7 +28,7 @@ use crate::servo_response::{self, ClosedLoop, Nodes, datagrams};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, Servo, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::{Predictor, joints_only};
@@ -82,20 +82,14 @@ impl About {
         Ok(Self { drives, predictor, noise })
     }
 
-    /// What the rows change by where servos make another motion of their datagrams than of this plant, by its part that
-    /// telemetry does not show; `None` where they do not.
-    fn answer(&self, physics: &Physics, samples: &Samples) -> Result<Option<Vec<f64>>, ModelError> {
+    /// What the rows change by where servos are tuned otherwise than this plant's, by the part that telemetry does not show; `None`
+    /// where they are not.
+    fn answer(&self, servos: &[Servo], samples: &Samples) -> Option<Vec<f64>> {
         let encoders = &self.predictor.encoders;
-        let (Some((own, beside)), Some(response)) = (&self.drives, &encoders.response) else { return Ok(None) };
-        if own.is_of(physics) {
-            return Ok(None);
-        }
-        let other = closed_loop(&self.predictor, physics)?;
-        let Some(change) = other.and_then(|other| own.change(&other, response, encoders.grid.step_s)) else {
-            return Ok(None);
-        };
+        let (own, beside) = self.drives.as_ref()?;
+        let change = own.change(servos, encoders.response.as_ref()?)?;
         let unseen: Vec<Nodes> = change.iter().enumerate().map(|(i, change)| encoders.unseen(i, change)).collect();
-        Ok(Some(beside.rows(samples, |joint, t_s| encoders.grid.between(&unseen[joint], t_s))))
+        Some(beside.rows(samples, |joint, t_s| encoders.grid.between(&unseen[joint], t_s)))
     }
 }
 
@@ -157,9 +151,8 @@ fn closed_loop(predictor: &Predictor, physics: &Physics) -> Result<Option<Closed
     if encoders.response.is_none() {
         return Ok(None);
     }
-    let model = physics.model(0.0)?;
-    let posture = |k: usize| (&model, joints_only(&encoders.angle[k]));
-    Ok(ClosedLoop::new(encoders.angle.len(), encoders.grid.step_s, physics, posture))
+    let postures = encoders.angle.iter().map(joints_only);
+    Ok(ClosedLoop::new(&physics.model(0.0)?, physics, encoders.grid.step_s, postures))
 }
 
 /// Cells in which the heading turns little.
@@ -179,7 +172,7 @@ impl Block for BaseBlock {
         let about = self.about(plant, effects)?;
         let motion = about.predictor.motion(plant, effects)?;
         let mut rows = self.samples.read(&motion);
-        if let Some(change) = about.answer(&motion.physics, &self.samples)? {
+        if let Some(change) = about.answer(&motion.physics.servos, &self.samples) {
             rows.iter_mut().zip(change).for_each(|(v, c)| *v += c);
         }
         Ok(rows)

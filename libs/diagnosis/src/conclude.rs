@@ -46,7 +46,7 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
         let class = class_of(searched, best, *candidate);
         let class_probability = probability_of_any(searched, &class);
         let own = &problem.candidates[*candidate];
-        let Some(present) = searched.center.model.iter().find(|p| p.candidate == *candidate) else { continue };
+        let Some(present) = searched.model.iter().find(|p| p.candidate == *candidate) else { continue };
         let effects = own.at(&present.coordinates);
         if own.is_law {
             if class_probability >= ASSERTED {

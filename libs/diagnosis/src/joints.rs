@@ -17,7 +17,6 @@
 //! Everything is linearized about the smoothed path. [`JointBlock`]'s prediction is that linearization taken back to the
 //! command, so that the filter's states are deviations from what does not depend on the measured noise.
 
-mod arrivals;
 mod hyper;
 mod linearization;
 mod linearize;
@@ -30,9 +29,8 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{self, datagrams};
+use crate::servo_response::datagrams;
 use fss_estimation::Columns;
-use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Plant};
@@ -71,8 +69,6 @@ pub struct JointBlock {
     present: Mutex<Option<Arc<Present>>>,
     /// The nominal plant.
     plant: Plant,
-    /// What datagrams told the joints; `None` without any.
-    commands: Option<Commands>,
     measured: Vec<f64>,
     channel_of_row: Vec<usize>,
     channels: Vec<String>,
@@ -111,14 +107,11 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let model = noise_model(plant, run, &path, &rows);
     let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
-    let commands = datagrams(plant, run).cloned();
-    let told = (path.reference.as_ref(), commands.as_ref());
-    let mut nominal = Linearization::new(plant, &mechanics, parts, &model, told)?;
+    let mut nominal = Linearization::new(plant, &mechanics, parts, &model)?;
     if let Some(anchors) = &anchors {
         linearize::add_rotors_and_encoders(&path, &rows, anchors, &mut nominal.model.slopes);
     }
-    let mut block =
-        JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), (nominal, commands));
+    let mut block = JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), nominal);
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
@@ -166,7 +159,7 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> N
         activity,
         interval_s: telemetry::median_interval(&moments),
         any_acceleration: any_acceleration(path),
-        arrivals: None,
+        is_told_by_datagrams: datagrams(plant, run).is_some(),
     }
 }
 
@@ -180,7 +173,7 @@ fn any_acceleration(path: &MeasuredPath) -> f64 {
 /// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
 fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
     const SAMPLES: i32 = 12;
-    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference.joints[joint]);
+    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference[joint]);
     let at = |k: i32| track.at(t_s + ACTIVITY_S * f64::from(k) / f64::from(SAMPLES))[2];
     ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
 }
@@ -190,7 +183,7 @@ impl JointBlock {
         (plant, run): (&Plant, &Run),
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         (rows, scale): (Vec<Row>, Vec<f64>),
-        (nominal, commands): (Linearization, Option<Commands>),
+        nominal: Linearization,
     ) -> Self {
         let mut channels: Vec<String> = Vec::new();
         let mut channel_of_row = Vec::with_capacity(rows.len());
@@ -219,7 +212,6 @@ impl JointBlock {
             hyper,
             present: Mutex::new(None),
             plant: plant.clone(),
-            commands,
             measured,
             channel_of_row,
             channels,
@@ -237,14 +229,7 @@ impl JointBlock {
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
         let is_nominal = self.anchors.is_some() || (effects.is_empty() && *plant == self.plant);
         let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
-        let anew = || {
-            let alike = servo_response::answer_alike(plant, effects, &self.plant);
-            let moving = || servo_response::with_exactly(plant, &servo_response::moving(effects));
-            let commands = self.commands.as_ref();
-            let simulated = commands.filter(|_| !alike).and_then(|c| self.path.reference_of(&moving(), c));
-            let reference = simulated.as_ref().or(self.path.reference.as_ref());
-            Linearization::new(plant, mechanics, parts, &self.nominal.model, (reference, commands))
-        };
+        let anew = || Linearization::new(plant, mechanics, parts, &self.nominal.model);
         Present {
             breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
             linearization: if is_nominal { None } else { anew() },
@@ -283,9 +268,6 @@ impl Block for JointBlock {
             None => linearize::predict(&mechanics, &self.path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
-        if let Some(change) = about.answer(&mechanics, &self.path, &self.rows) {
-            out.iter_mut().zip(change).for_each(|(v, c)| *v += c);
-        }
         Ok(out)
     }
 

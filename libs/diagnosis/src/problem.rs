@@ -4,7 +4,6 @@ use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, candidates};
 use crate::joints::joint_block;
-use crate::servo_response::datagrams;
 use crate::uncertain::{Uncertain, uncertain};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
@@ -18,20 +17,11 @@ pub(crate) struct Member {
     pub(crate) block: Box<dyn Block>,
 }
 
-/// A cause of the present model: which candidate, at which coordinates.
+/// A cause of the model that everything is linearized about: which candidate, at which coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Present {
     pub(crate) candidate: usize,
     pub(crate) coordinates: Vec<f64>,
-}
-
-/// About what everything is linearized.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Center {
-    /// The causes that are present.
-    pub(crate) model: Vec<Present>,
-    /// The uncertain values, in standard deviations from the plant file's; empty where they are these.
-    pub(crate) values: Vec<f64>,
 }
 
 /// Share of its typical size above which a coordinate's secant through zero is taken, not a probe.
@@ -53,8 +43,6 @@ pub(crate) struct Problem {
     pub(crate) plant: Plant,
     pub(crate) members: Vec<Member>,
     pub(crate) runs: usize,
-    /// Whether servos follow datagrams in any run.
-    pub(crate) is_commanded: bool,
     pub(crate) candidates: Vec<Candidate>,
     /// First parameter of each candidate.
     pub(crate) first: Vec<usize>,
@@ -110,9 +98,7 @@ impl Problem {
         };
         members.retain(fits);
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
-        let mut problem = Self::of(plant, runs.len(), members, candidates(plant, duration_s, &rates(plant, runs)));
-        problem.is_commanded = runs.iter().any(|run| datagrams(plant, run).is_some());
-        Ok(problem)
+        Ok(Self::of(plant, runs.len(), members, candidates(plant, duration_s, &rates(plant, runs))))
     }
 
     fn of(plant: &Plant, runs: usize, members: Vec<Member>, candidates: Vec<Candidate>) -> Self {
@@ -136,19 +122,7 @@ impl Problem {
             }
         }
         spikes.extend(uncertain.iter().map(|_| 1.0));
-        Self {
-            plant: plant.clone(),
-            members,
-            runs,
-            is_commanded: false,
-            candidates,
-            first,
-            uncertain,
-            hyper,
-            family_at,
-            family_of,
-            spikes,
-        }
+        Self { plant: plant.clone(), members, runs, candidates, first, uncertain, hyper, family_at, family_of, spikes }
     }
 
     /// The plant with its uncertain values moved by so many standard deviations.
@@ -230,11 +204,11 @@ impl Problem {
         self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
     }
 
-    /// Linearizes every block about a center. Candidates that are not `wanted` in a family keep the columns of `before`, or get
+    /// Linearizes every block about a model. Candidates that are not `wanted` in a family keep the columns of `before`, or get
     /// none.
     pub(crate) fn linearized(
         &self,
-        center: &Center,
+        model: &[Present],
         slope: Slope,
         wanted: &(dyn Fn(usize, usize) -> bool + Sync),
         before: Option<Linearized>,
@@ -244,9 +218,8 @@ impl Problem {
         let columns = self.members.par_iter().zip(before);
         let columns = columns.map(|(m, before)| {
             let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m.family)).collect();
-            self.columns(m.block.as_ref(), center, slope, &wanted, before)
+            self.columns(m.block.as_ref(), model, slope, &wanted, before)
         });
-        let model = &center.model;
         let mut size = vec![0.0; self.parameters()];
         let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
         for present in model.iter().filter(continuous) {
@@ -259,21 +232,21 @@ impl Problem {
     fn columns(
         &self,
         block: &dyn Block,
-        center: &Center,
+        model: &[Present],
         slope: Slope,
         wanted: &[bool],
         mut columns: Vec<Vec<f64>>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
         block.forget();
-        let (model, plant) = (&center.model, self.settled(&center.values));
-        let base = block.predict(&plant, &self.effects(model))?;
+        let plant = &self.plant;
+        let base = block.predict(plant, &self.effects(model))?;
         let mut data: Vec<f64> = block.measured().iter().zip(&base).map(|(y, p)| y - p).collect();
         for candidate in 0..self.candidates.len() {
             if !wanted[candidate] {
                 continue;
             }
             let present = model.iter().find(|p| p.candidate == candidate);
-            let own = self.candidate_columns(block, (&plant, model), slope, candidate, &base)?;
+            let own = self.candidate_columns(block, (plant, model), slope, candidate, &base)?;
             for (i, column) in own.into_iter().enumerate() {
                 let theta = present.map_or(0.0, |p| p.coordinates[i]);
                 if theta != 0.0 {
@@ -283,12 +256,9 @@ impl Problem {
             }
         }
         let effects = self.effects(model);
-        for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
-            let moved = block.predict(&value.moved(&plant, 1.0), &effects)?;
-            let column = difference(&moved, &base, 1.0);
-            let now = center.values.get(i).copied().unwrap_or(0.0);
-            data.iter_mut().zip(&column).for_each(|(d, c)| *d += now * c);
-            columns[1 + at] = column;
+        for (value, at) in self.uncertain.iter().zip(self.uncertain_parameters()) {
+            let moved = block.predict(&value.moved(plant, 1.0), &effects)?;
+            columns[1 + at] = difference(&moved, &base, 1.0);
         }
         columns[0] = data;
         Ok(columns)

@@ -39,7 +39,7 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
     }
     if let Some(validation) = validation.filter(|v| !v.is_empty()) {
         let wanted = |c: usize, _| best.causes.contains(&c);
-        let linearized: Linearized = validation.linearized(&searched.center, Slope::Secant, &wanted, None)?;
+        let linearized: Linearized = validation.linearized(&searched.model, Slope::Secant, &wanted, None)?;
         let grams = validation
             .grams_of_runs(&linearized, &searched.hyper, &parameters, &GramCache::default())
             .unwrap_or_default();

@@ -11,7 +11,7 @@ mod space;
 mod wiring;
 
 use crate::gram::GramCache;
-use crate::problem::{Center, Linearized, Present, Problem, Slope};
+use crate::problem::{Linearized, Present, Problem, Slope};
 use fss_estimation::evidence::SetPosterior;
 use fss_multibody::ModelError;
 use fss_plant::Response;
@@ -27,15 +27,8 @@ pub(crate) use wiring::{Rewired, rewired};
 const ROUNDS: usize = 14;
 /// Steps of estimation about one set at the most.
 const POLISHED: usize = 6;
-/// A change of a coordinate below this share of its deviation stands still, and of an uncertain value below this share of what is
-/// stated.
+/// A change of a coordinate below this share of its deviation stands still.
 const STANDS_STILL: f64 = 0.5;
-/// No value of a plant file is taken to be off by more stated deviations than this.
-const FARTHEST: f64 = 4.0;
-/// Share of a hyper-parameter's width by which the search for the best without causes starts at the least, and rounds in which
-/// uncertain values that act far from linearly may settle before causes are sought.
-const LEAST_WIDTH: f64 = 0.2;
-const SETTLING_ROUNDS: usize = 8;
 /// So often at the most a set is linearized about its values without another set being better.
 const AGAIN: usize = 3;
 
@@ -45,8 +38,8 @@ pub(crate) struct Searched<'a> {
     pub(crate) points: Vec<HyperPoint>,
     /// All sets that were judged, most probable first, each with its probability.
     pub(crate) sets: Vec<(Found, f64)>,
-    /// The most probable set and the uncertain values at their estimates.
-    pub(crate) center: Center,
+    /// The most probable set at its estimate.
+    pub(crate) model: Vec<Present>,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
     pub(crate) linearized: Linearized,
@@ -55,9 +48,10 @@ pub(crate) struct Searched<'a> {
 pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
-    let (mut center, null_hyper) = search.without_causes()?;
+    let null_hyper = search.without_causes()?;
     say("linearizing");
-    let mut linearized = problem.linearized(&center, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
+    let mut model = Vec::new();
+    let mut linearized = problem.linearized(&model, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
     let mut hyper = null_hyper.clone();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
     let mut points = Vec::new();
@@ -65,16 +59,15 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
     for round in 1..=ROUNDS {
         say(&format!("searching for up to {largest}, round {round}"));
         if !unchanged {
-            search.shortlist(&linearized, &center.model, &null_hyper, &hyper);
+            search.shortlist(&linearized, &model, &null_hyper, &hyper);
             let chosen = &search.chosen;
             let wanted = |c: usize, family: usize| chosen.contains(&c) && (round > 1 || !problem.at_first(c, family));
-            linearized = problem.linearized(&center, Slope::Secant, &wanted, Some(linearized))?;
+            linearized = problem.linearized(&model, Slope::Secant, &wanted, Some(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
-        let model = &center.model;
         search.varying = model.iter().map(|p| p.candidate).collect();
         let mut sets = search.beam(&points, largest);
-        if search.add_optima(&linearized, model, &sets, if unchanged { 1 } else { PROMISING }, &mut points) {
+        if search.add_optima(&linearized, &model, &sets, if unchanged { 1 } else { PROMISING }, &mut points) {
             sets = search.beam(&points, largest);
         }
         let best = sets[0].clone();
@@ -83,34 +76,30 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         let (estimate, deviations) = search.estimate(&points, &best);
         let start = points[search.judge(&points, &best.causes, &best.classes).1].hyper.clone();
         let from = if same { model.clone() } else { estimate };
-        let mut now = search.polished(Center { model: from, ..center.clone() }, &best, &start)?;
-        // Gains of servos that follow datagrams act far from linearly within what is stated of them.
-        if problem.is_commanded {
-            now.values = within(&search.values(&points, &best));
-        }
-        let still = Search::stands_still(&center, &now, &deviations) || again >= AGAIN;
+        let now = search.polished(from, &best, &start)?;
+        let still = Search::stands_still(&model, &now, &deviations) || again >= AGAIN;
         let mut key = best.causes.clone();
         key.sort_unstable();
         // A set that was left for another and comes back would go on so for ever: it is taken.
         let comes_back = !same && !visited.insert(key);
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
-        center = now;
+        model = now;
         if (still && is_whole) || comes_back || round == ROUNDS {
-            return Ok(Searched { search, points, sets: probabilities(sets), center, hyper, linearized });
+            return Ok(Searched { search, points, sets: probabilities(sets), model, hyper, linearized });
         }
         if still {
             (largest, again, unchanged) = (largest + 1, 0, true);
             continue;
         }
         unchanged = false;
-        say(&format!("linearizing about {}", search.names(&center.model)));
-        let present: Vec<usize> = center.model.iter().map(|p| p.candidate).collect();
-        linearized = problem.linearized(&center, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
+        say(&format!("linearizing about {}", search.names(&model)));
+        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+        linearized = problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
         if !same {
-            search.note_identical(&linearized, &hyper, &center)?;
+            search.note_identical(&linearized, &hyper, &model)?;
         }
-        center = search.polished(center, &best, &hyper)?;
+        model = search.polished(model, &best, &hyper)?;
     }
     unreachable_round()
 }
@@ -122,17 +111,6 @@ fn medians(problem: &Problem) -> Vec<f64> {
         *variation = VARIATIONS[0];
     }
     start
-}
-
-/// Uncertain values no farther from the plant file's than any is.
-fn within(values: &[f64]) -> Vec<f64> {
-    values.iter().map(|v| v.clamp(-FARTHEST, FARTHEST)).collect()
-}
-
-/// Whether uncertain values, in stated deviations, stand still; missing ones are the plant file's.
-fn have_settled(before: &[f64], now: &[f64]) -> bool {
-    let value = |i: usize| before.get(i).copied().unwrap_or(0.0);
-    now.iter().enumerate().all(|(i, now)| (value(i) - now).abs() <= STANDS_STILL)
 }
 
 /// The loop above always returns in its last round.
@@ -153,55 +131,41 @@ impl Searched<'_> {
 }
 
 impl Search<'_> {
-    /// The uncertain values and the hyper-parameters that suit the data best without causes. The values stay the plant file's but
-    /// where servos follow datagrams: their gains act far from linearly within what is stated of them.
-    fn without_causes(&self) -> Result<(Center, Vec<f64>), ModelError> {
-        let (mut center, mut hyper, mut width) = (Center::default(), medians(self.problem), 1.0);
-        for round in 1.. {
-            let linearized = self.problem.linearized(&center, Slope::Secant, &|_, _| false, None)?;
-            hyper = self.optimized(&linearized, &[], &[], &hyper, width, |_, _| true);
-            let parameters = self.parameters_with(&[]).0;
-            let found = self.point(&linearized, &hyper, &parameters, &GramCache::default());
-            let values = found.filter(|_| self.problem.is_commanded).map(|point| within(point.posterior.means()));
-            let before = std::mem::replace(&mut center.values, values.unwrap_or_default());
-            width = (0.5 * width).max(LEAST_WIDTH);
-            if have_settled(&before, &center.values) || round == SETTLING_ROUNDS {
-                break;
-            }
-        }
-        Ok((center, hyper))
+    /// The hyper-parameters that suit the data best without causes.
+    fn without_causes(&self) -> Result<Vec<f64>, ModelError> {
+        let linearized = self.problem.linearized(&[], Slope::Secant, &|_, _| false, None)?;
+        Ok(self.optimized(&linearized, &[], &[], &medians(self.problem), 1.0, |_, _| true))
     }
 
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
     /// differ where actions are not in proportion.
-    fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], center: &Center) -> Result<(), ModelError> {
-        for present in center.model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
+    fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], model: &[Present]) -> Result<(), ModelError> {
+        for present in model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
             let own = present.candidate;
-            let alike = self.problem.acting_alike(linearized, hyper, center, present)?;
+            let alike = self.problem.acting_alike(linearized, hyper, model, present)?;
             self.identical.extend(alike.into_iter().map(|(other, at)| ((own.min(other), own.max(other)), (other, at))));
         }
         Ok(())
     }
 
     /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves.
-    fn polished(&self, mut center: Center, set: &Found, hyper: &[f64]) -> Result<Center, ModelError> {
-        let present: Vec<usize> = center.model.iter().map(|p| p.candidate).collect();
+    fn polished(&self, mut model: Vec<Present>, set: &Found, hyper: &[f64]) -> Result<Vec<Present>, ModelError> {
+        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let (parameters, position) = self.parameters_with(&present);
-        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(center) };
+        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
         let steps = if present.is_empty() { 0 } else { POLISHED };
         for _ in 0..steps {
-            let linearized = self.problem.linearized(&center, Slope::Tangent, &|c, _| present.contains(&c), None)?;
+            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c, _| present.contains(&c), None)?;
             let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
             let Some(posterior) = point.posterior.of_set(&slabs) else { break };
-            let (model, deviations) = self.presented(set, &posterior);
-            let now = Center { model, ..center.clone() };
-            let still = Self::stands_still(&center, &now, &deviations);
-            center = now;
+            let (now, deviations) = self.presented(set, &posterior);
+            let still = Self::stands_still(&model, &now, &deviations);
+            model = now;
             if still {
                 break;
             }
         }
-        Ok(center)
+        Ok(model)
     }
 
     /// Posterior means of the uncertain values with a set, in stated standard deviations.
@@ -244,16 +208,14 @@ impl Search<'_> {
         (model, deviations)
     }
 
-    fn stands_still(before: &Center, now: &Center, deviations: &[Vec<f64>]) -> bool {
+    fn stands_still(before: &[Present], now: &[Present], deviations: &[Vec<f64>]) -> bool {
         let close = |now: &Present, sd: &Vec<f64>| {
-            let before = before.model.iter().find(|p| p.candidate == now.candidate);
+            let before = before.iter().find(|p| p.candidate == now.candidate);
             before.is_some_and(|before| {
                 let moved = before.coordinates.iter().zip(&now.coordinates).zip(sd);
                 moved.into_iter().all(|((a, b), sd)| (a - b).abs() <= (STANDS_STILL * sd).max(1e-3 * b.abs()))
             })
         };
-        before.model.len() == now.model.len()
-            && now.model.iter().zip(deviations).all(|(now, sd)| close(now, sd))
-            && have_settled(&before.values, &now.values)
+        before.len() == now.len() && now.iter().zip(deviations).all(|(now, sd)| close(now, sd))
     }
 }

@@ -1,11 +1,11 @@
 //! What servos make of the datagrams that command them.
 //!
-//! Between two datagrams a servo settles within some hundredths of a second. Telemetry shows the torque of one instant of that, so
-//! that the motion is taken from a simulation of the servos; [`closed_loop`] tells what another plant's would answer.
+//! Between two datagrams a servo settles within some hundredths of a second, which telemetry does not show, but a floating base does. So
+//! the motion is taken from a simulation of the servos; [`closed_loop`] tells what other gains would make of it.
 
 mod closed_loop;
 
-pub(crate) use closed_loop::{ClosedLoop, Nodes, generalized_inertia};
+pub(crate) use closed_loop::{ClosedLoop, Nodes};
 use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;

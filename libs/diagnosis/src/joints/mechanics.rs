@@ -6,7 +6,6 @@
 use super::path::MeasuredPath;
 use super::track::Track;
 use crate::friction::direction;
-use crate::servo_response::ClosedLoop;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, Model, ModelError, State};
 use fss_plant::{
@@ -138,18 +137,6 @@ impl<'a> Mechanics<'a> {
     /// The mechanism at `t_s`.
     pub(super) fn model(&self, t_s: f64) -> &Model {
         self.rollout.model(t_s)
-    }
-
-    /// The drives along the path; `None` where a posture is no mechanism.
-    pub(super) fn closed_loop(&self) -> Option<ClosedLoop> {
-        let start_s = self.path.start_s();
-        let at = |k: usize| {
-            let t_s = start_s + self.path.step_s() * k as f64;
-            let mut q = Coordinates::zeros();
-            self.path.joints.iter().enumerate().for_each(|(i, track)| q[3 + i] = track.at(t_s)[0]);
-            (self.model(t_s), q)
-        };
-        ClosedLoop::new(self.path.nodes(), self.path.step_s(), self.physics(start_s), at)
     }
 
     /// The arm at the true time `t_s`.

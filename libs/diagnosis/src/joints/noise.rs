@@ -2,11 +2,10 @@
 //!
 //! States: each joint's angle, rate and acceleration beside the reference; a torque of unit variance on each link and one in
 //! each drive; three of unit variance that displace the end-effector; the time by which rates lag; and of joints that datagrams
-//! command those of [`super::arrivals`]. The motion of an arm that follows commands is smooth
+//! command an acceleration of each at the instant of a row. The motion of an arm that follows commands is smooth
 //! (acceleration of inferred strength); that of an arm whose torques are known all the time is anything, and its torques tell
 //! what it is.
 
-use super::arrivals::Arrivals;
 use super::hyper::Hyper;
 use super::process::{by_accelerations, singer};
 use super::rows::{Kind, Row, Slopes};
@@ -34,12 +33,14 @@ pub(super) struct NoiseModel {
     pub(super) slopes: Vec<Slopes>,
     /// Commanded acceleration of each joint before each moment, root mean square over some tenths of a second, rad/s2.
     pub(super) activity: Vec<Vec<f64>>,
-    /// Standard deviation of a swinging arm's acceleration beside the path's before its torques are told, rad/s2.
+    /// Standard deviation of an acceleration beside the path's before torques tell it, rad/s2: of a swinging arm, and at an instant
+    /// of one that datagrams command.
     pub(super) any_acceleration: f64,
     /// Usual interval between telemetry rows, s.
     pub(super) interval_s: f64,
-    /// What late datagrams do; `None` without datagrams.
-    pub(super) arrivals: Option<Arrivals>,
+    /// Whether datagrams command the joints: after each, servos settle within some hundredths of a second, in which accelerations hang
+    /// on gains and on when exactly it arrived. What they are when a row is read is not known but from the torques of that row.
+    pub(super) is_told_by_datagrams: bool,
 }
 
 /// Places of the states.
@@ -53,8 +54,8 @@ struct Places {
     rotor: usize,
     /// Accelerations of the step before, where torques tell the motion.
     before: usize,
-    /// Of the first of the states of [`Arrivals`].
-    arrival: usize,
+    /// Accelerations at the instant of a row, where datagrams command the joints.
+    instant: usize,
     count: usize,
 }
 
@@ -73,9 +74,9 @@ impl NoiseModel {
         let eccentricity = rate_lag + 1;
         let rotor = eccentricity + if self.driven { 2 * self.links } else { 0 };
         let before = rotor + if self.driven { self.links } else { 0 };
-        let arrival = before + if self.driven { self.links } else { 0 };
-        let count = arrival + if self.arrivals.is_some() { 3 * self.links } else { 0 };
-        Places { link, drive, tip, rate_lag, eccentricity, rotor, before, arrival, count }
+        let instant = before + if self.driven { self.links } else { 0 };
+        let count = instant + if self.is_told_by_datagrams { self.links } else { 0 };
+        Places { link, drive, tip, rate_lag, eccentricity, rotor, before, instant, count }
     }
 
     /// What the rows read of a small motion beside the path: of a joint's angle, rate and acceleration at a stamp.
@@ -116,10 +117,8 @@ impl NoiseModel {
             initial[(3 * j + 1) * (n + 1)] = START_SD[1] * START_SD[1];
             initial[(3 * j + 2) * (n + 1)] = self.acceleration_variance(0, j, hyper);
         }
-        // Nothing is displaced before the first datagram.
-        let at_rest = if self.arrivals.is_some() { places.arrival + self.links } else { n };
-        (3 * self.links..at_rest).for_each(|i| initial[i * (n + 1)] = 1.0);
-        (places.before..places.arrival).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
+        (3 * self.links..places.before).for_each(|i| initial[i * (n + 1)] = 1.0);
+        (places.before..n).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
         let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
         let mut filter = Whitener::new(n, initial, columns);
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
@@ -134,7 +133,7 @@ impl NoiseModel {
                 before_s = dt_s;
             }
             last_s = row.t_s;
-            let variance = self.measurement((row, k, moment), (hyper, breakaway_n_m), &places, &mut states);
+            let variance = self.measurement((row, k), (hyper, breakaway_n_m), &places, &mut states);
             filter.measure(&states, variance);
         }
         filter.log_det()
@@ -190,17 +189,13 @@ impl NoiseModel {
             transition.push((i, i, (-dt_s / hyper.torque_s).exp()));
             noise.push((i, i, -(-2.0 * dt_s / hyper.torque_s).exp_m1()));
         }
-        if let Some(arrivals) = self.arrivals.as_ref().and_then(|a| a.steps.get(moment - 1)) {
-            let placed = |(i, j, v): &(usize, usize, f64)| (places.arrival + i, places.arrival + j, *v);
-            transition.extend(arrivals.transition.iter().map(placed));
-            noise.extend(arrivals.noise.iter().map(placed));
-        }
+        noise.extend((places.instant..places.count).map(|i| (i, i, self.any_acceleration.powi(2))));
     }
 
     /// The states that a row measures and the variance of its noise.
     fn measurement(
         &self,
-        (row, k, moment): (&Row, usize, usize),
+        (row, k): (&Row, usize),
         (hyper, breakaway_n_m): (&Hyper, &[f64]),
         places: &Places,
         states: &mut Vec<(usize, f64)>,
@@ -208,8 +203,9 @@ impl NoiseModel {
         let slopes = &self.slopes[k];
         states.clear();
         states.extend_from_slice(&slopes.motion);
-        if let Some(arrivals) = &self.arrivals {
-            arrivals.read(moment, &slopes.motion, places.arrival, states);
+        if self.is_told_by_datagrams {
+            let by_acceleration = slopes.motion.iter().filter(|(state, _)| state % 3 == 2);
+            states.extend(by_acceleration.map(|(state, c)| (places.instant + state / 3, *c)));
         }
         if self.driven {
             states.extend(slopes.eccentricity.iter().map(|(state, v)| (places.eccentricity + state, *v)));

@@ -2,9 +2,8 @@
 
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
-use crate::servo_response::{self, Nodes, Response, datagrams};
+use crate::servo_response::{self, Nodes, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
-use fss_experiments::commands::Commands;
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
 
@@ -18,22 +17,6 @@ const SERVO_MERGE_S: f64 = 0.04;
 const LEAST_ANGLE_SD: f64 = 6e-6;
 const LEAST_RATE_SD: f64 = 6e-5;
 
-/// What encoders were to show: what the plant's servos make of the datagrams that they got, or the command, its mean lag taken off.
-#[derive(Clone, Debug)]
-pub(super) struct Reference {
-    /// Each joint's motion.
-    pub(super) joints: Vec<Track>,
-    /// The same as servos answer datagrams; `None` without any.
-    pub(super) response: Option<Response>,
-}
-
-impl Reference {
-    fn of(response: Response, start_s: f64) -> Self {
-        let track = |nodes: &Nodes| Track::new(start_s, NODE_S, nodes.clone());
-        Self { joints: response.nominal.iter().map(track).collect(), response: Some(response) }
-    }
-}
-
 /// What the sensors said of the motion.
 #[derive(Clone, Debug)]
 pub(super) struct MeasuredPath {
@@ -41,8 +24,9 @@ pub(super) struct MeasuredPath {
     pub(super) joints: Vec<Track>,
     /// Standard deviation of each smoothed encoder rate at the nodes, rad/s.
     rate_sd: Vec<Vec<f64>>,
-    /// What each joint's encoder was to show; `None` without commands.
-    pub(super) reference: Option<Reference>,
+    /// What each joint's encoder was to show: what the plant's servos make of the datagrams that they got, or the command, its mean
+    /// lag taken off; `None` without commands.
+    pub(super) reference: Option<Vec<Track>>,
     /// Motion capture of the base: x m, y m, theta rad; `None` where nothing was measured.
     pub(super) base: Option<[Track; 3]>,
     start_s: f64,
@@ -66,15 +50,11 @@ impl MeasuredPath {
             return None;
         }
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
-        let tracks = |all: Vec<Nodes>| all.into_iter().map(track).collect::<Vec<_>>();
         let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &grid_s).ok());
-        let reference = if let Some(response) = response {
-            Some(Reference::of(response, start_s))
-        } else {
-            let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
-            let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
-            command.map(|command| Reference { joints: tracks(follow(command)), response: None })
-        };
+        let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
+        let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
+        let expected: Option<Vec<Nodes>> = response.map(|r| r.nominal).or_else(|| command.map(follow));
+        let reference = expected.map(|joints| joints.into_iter().map(track).collect());
         let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
@@ -84,7 +64,7 @@ impl MeasuredPath {
     }
 
     fn add_joint(&mut self, joint: usize, readings: &[Reading], grid_s: &[f64]) {
-        let reference = self.reference.as_ref().map(|r| &r.joints[joint]);
+        let reference = self.reference.as_ref().map(|joints| &joints[joint]);
         let at = |t: f64| reference.map_or([0.0; 3], |track| track.at(t));
         let deviations: Vec<Reading> = readings
             .iter()
@@ -103,38 +83,15 @@ impl MeasuredPath {
         self.rate_sd.push(smoother.variances().iter().map(|v| v[1].sqrt()).collect());
     }
 
-    /// What a plant's servos make of datagrams, on the nodes of this path; `None` where the plant is no mechanism.
-    pub(super) fn reference_of(&self, plant: &Plant, commands: &Commands) -> Option<Reference> {
-        let grid_s: Vec<f64> = self.grid_s().collect();
-        Some(Reference::of(servo_response::response(plant, commands, &grid_s).ok()?, self.start_s))
-    }
-
     /// Times of the nodes, s.
     pub(super) fn grid_s(&self) -> impl Iterator<Item = f64> + use<> {
         let start_s = self.start_s;
         (0..self.nodes).map(move |k| start_s + NODE_S * k as f64)
     }
 
-    /// Time of the first node, s, and number of nodes.
-    pub(super) fn start_s(&self) -> f64 {
-        self.start_s
-    }
-
-    pub(super) fn nodes(&self) -> usize {
-        self.nodes
-    }
-
     /// The node nearest to a time.
-    pub(super) fn node(&self, t_s: f64) -> usize {
+    fn node(&self, t_s: f64) -> usize {
         (((t_s - self.start_s) / NODE_S).round().max(0.0) as usize).min(self.nodes - 1)
-    }
-
-    /// Between nodes on a straight line each of angle, rate and acceleration, for a rate that jumps where a joint comes to rest.
-    pub(super) fn between(&self, nodes: &Nodes, t_s: f64) -> [f64; 3] {
-        let place = ((t_s - self.start_s) / NODE_S).clamp(0.0, (self.nodes - 1) as f64);
-        let before = (place as usize).min(self.nodes.saturating_sub(2));
-        let (share, from, to) = (place - before as f64, nodes[before], nodes[(before + 1).min(self.nodes - 1)]);
-        std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
     }
 
     /// A track on the nodes of this path.
@@ -153,10 +110,10 @@ impl MeasuredPath {
         self.rate_sd[joint].get(self.node(t_s)).copied().unwrap_or(0.0)
     }
 
-    /// How far each joint's path is from a reference at `t_s`: angle, rate, acceleration. Zeros without a reference.
-    pub(super) fn deviation(&self, joint: usize, t_s: f64, reference: Option<&Reference>) -> [f64; 3] {
-        let Some(reference) = reference else { return [0.0; 3] };
-        let (path, reference) = (self.joints[joint].at(t_s), reference.joints[joint].at(t_s));
+    /// How far a joint's path is from the reference at `t_s`: angle, rate, acceleration. Zeros without one.
+    pub(super) fn deviation(&self, joint: usize, t_s: f64) -> [f64; 3] {
+        let Some(reference) = &self.reference else { return [0.0; 3] };
+        let (path, reference) = (self.joints[joint].at(t_s), reference[joint].at(t_s));
         std::array::from_fn(|i| path[i] - reference[i])
     }
 }

@@ -70,11 +70,10 @@ impl Search<'_> {
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
         };
         let mut logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
-        // A process that is far too weak to be seen has no slope: each strength is tried far from where it starts, too, but by a narrow
-        // search, which goes on from where a wider one ended.
+        // A process that is far too weak to be seen has no slope: each strength is tried far from where it starts, too.
         let mut found = value(&logs);
         for (i, h) in self.problem.hyper.iter().enumerate() {
-            if width < 0.5 || h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
+            if h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
                 continue;
             }
             for by in FAR {
