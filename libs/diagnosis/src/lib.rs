@@ -6,7 +6,7 @@
 //! - [`base`]: the motion of a floating base as a block.
 //! - [`joints`]: the joints and the end-effector as a block.
 //! - `servo_response`: what servos make of the datagrams that command them.
-//! - `examine`, `startup_transient`: what of the records is no measurement.
+//! - `examine`, `startup_transient`: what of the records is no measurement; `tuning`: how servos are tuned.
 //! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
 //! - `gram`: products of the whitened columns.
 //! - `search`: marginal likelihoods of sets of causes, and of wirings of the thrusters.
@@ -36,6 +36,7 @@ mod screening;
 mod search;
 mod servo_response;
 mod startup_transient;
+mod tuning;
 pub mod uncertain;
 
 pub use conclude::ASSERTED;
@@ -46,7 +47,8 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
-use search::Rewired;
+use search::{Rewired, Searched};
+use tuning::Tuning;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
 ///
@@ -92,27 +94,50 @@ fn answer(
     wiring: Wiring,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    let (runs, validation) = records;
-    let problem = Problem::new(plant, runs)?;
-    let judged_on = Problem::new(plant, validation)?.with_noise_of(&problem);
-    if problem.is_empty() {
-        return Ok(nothing_to_say(plant));
+    say("tuning the servos");
+    let mut tuning = Tuning::without_causes(plant, records.0)?;
+    for again in 0.. {
+        let problem = Problem::new(plant, records.0, &tuning)?;
+        if problem.is_empty() {
+            break;
+        }
+        let searched = search::search(&problem, say)?;
+        // With its causes a plant's servos may turn out to be tuned otherwise than without.
+        let found = Tuning::of(&problem, &searched.uncertain_means());
+        if again == RETUNED || found.is_near(&tuning) {
+            return answer_of(&searched, records, wiring, say);
+        }
+        tuning = found;
     }
-    let searched = search::search(&problem, say)?;
+    Ok(nothing_to_say(plant))
+}
+
+/// So often at the most the search is repeated with servos that are tuned otherwise.
+const RETUNED: usize = 2;
+
+/// The answer that a search leads to.
+fn answer_of(
+    searched: &Searched,
+    records: (&[Run], &[Run]),
+    wiring: Wiring,
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, ModelError> {
+    let (problem, (runs, validation)) = (searched.search.problem, records);
+    let judged_on = problem.of_other_runs(validation)?;
     say("measuring the gain");
-    let scores = scores::scores(&searched, Some(&judged_on))?;
-    let mut concluded = conclude::conclude(&problem, &searched, &scores);
-    let misfits = |plant: &Plant| Misfits::new((&problem, runs), (&judged_on, validation), plant, &searched.hyper);
+    let scores = scores::scores(searched, Some(&judged_on))?;
+    let mut concluded = conclude::conclude(problem, searched, &scores);
+    let misfits = |plant: &Plant| Misfits::new((problem, runs), (&judged_on, validation), plant, &searched.hyper);
     let before = misfits(&problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]))?;
     let mut remarks = Vec::new();
     if concluded.verdict.leaves_something() {
         say("asking for another wiring");
-        let found = if wiring == Wiring::OfFile { search::rewired(&searched)? } else { None };
+        let found = if wiring == Wiring::OfFile { search::rewired(searched)? } else { None };
         match found {
             Some(Rewired::By(exchanges, probability)) => {
-                return rewired(plant, records, (exchanges, probability), before, say);
+                return rewired(&problem.plant_file, records, (exchanges, probability), before, say);
             }
-            None if !commands_do_nothing(plant, &concluded.causes) => {}
+            None if !commands_do_nothing(&problem.plant, &concluded.causes) => {}
             Some(Rewired::Silent) | None => {
                 remarks.push(NO_COMMAND_SHOWS.to_owned());
                 concluded.assert_nothing();
@@ -120,8 +145,8 @@ fn answer(
         }
     }
     say("asking for single pulses");
-    let mut missing_pulses = pulses::missing_pulses(&searched, &problem, runs)?;
-    missing_pulses.extend(pulses::missing_pulses(&searched, &judged_on, validation)?);
+    let mut missing_pulses = pulses::missing_pulses(searched, problem, runs)?;
+    missing_pulses.extend(pulses::missing_pulses(searched, &judged_on, validation)?);
     let means = searched.uncertain_means();
     let extended = with(problem.settled(&means), &concluded);
     let after = misfits(&extended)?;

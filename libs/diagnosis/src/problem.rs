@@ -4,6 +4,7 @@ use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, candidates};
 use crate::joints::joint_block;
+use crate::tuning::Tuning;
 use crate::uncertain::{Uncertain, uncertain};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
@@ -40,7 +41,10 @@ const VARIATION: HyperParameter = HyperParameter {
 
 /// Everything that is linear: runs, causes, uncertain values.
 pub(crate) struct Problem {
+    pub(crate) plant_file: Plant,
+    /// The plant of the plant file, its servos tuned as the runs show.
     pub(crate) plant: Plant,
+    tuning: Tuning,
     pub(crate) members: Vec<Member>,
     pub(crate) runs: usize,
     pub(crate) candidates: Vec<Candidate>,
@@ -72,47 +76,69 @@ pub(crate) struct Linearized {
     pub(crate) size: Vec<f64>,
 }
 
-impl Problem {
-    pub(crate) fn new(plant: &Plant, runs: &[Run]) -> Result<Self, ModelError> {
-        let blocks: Vec<[Option<Box<dyn Block>>; 2]> = runs
-            .par_iter()
-            .map(|run| {
-                let base = BaseBlock::new(plant, run)?.map(|b| Box::new(b) as Box<dyn Block>);
-                Ok([base, joint_block(plant, run).map(|b| Box::new(b) as Box<dyn Block>)])
-            })
-            .collect::<Result<_, ModelError>>()?;
-        let mut members = Vec::new();
-        for (run, of_run) in blocks.into_iter().enumerate() {
-            for (family, block) in of_run.into_iter().enumerate() {
-                members.extend(block.map(|block| Member { run, family, block }));
-            }
+fn base_block(plant: &Plant, run: &Run) -> Result<Option<Box<dyn Block>>, ModelError> {
+    Ok(BaseBlock::new(plant, run)?.map(|b| Box::new(b) as Box<dyn Block>))
+}
+
+/// The blocks of all runs, by family. A family has one noise model: what does not share it with the first of its family is left out.
+fn members(blocks: Vec<[Option<Box<dyn Block>>; 2]>) -> Vec<Member> {
+    let mut members: Vec<Member> = Vec::new();
+    for (run, of_run) in blocks.into_iter().enumerate() {
+        for (family, block) in of_run.into_iter().enumerate() {
+            members.extend(block.map(|block| Member { run, family, block }));
         }
-        // A family has one noise model: what does not share it with the first of its family is left out.
-        let of_first: Vec<(usize, usize)> =
-            members.iter().map(|m| (m.family, m.block.hyper_parameters().len())).collect();
-        let fits = |m: &Member| {
-            of_first
-                .iter()
-                .find(|(family, _)| *family == m.family)
-                .is_some_and(|(_, n)| *n == m.block.hyper_parameters().len())
-        };
-        members.retain(fits);
-        let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
-        Ok(Self::of(plant, runs.len(), members, candidates(plant, duration_s, &rates(plant, runs))))
+    }
+    let model_of: Vec<(usize, usize)> = members.iter().map(|m| (m.family, m.block.hyper_parameters().len())).collect();
+    members.retain(|m| {
+        let first = model_of.iter().find(|(family, _)| *family == m.family);
+        first.is_some_and(|(_, count)| *count == m.block.hyper_parameters().len())
+    });
+    members
+}
+
+/// Hyper-parameters of all families, then the variation from run to run; the first of each family; the family of each.
+fn hyper_parameters(members: &[Member]) -> (Vec<HyperParameter>, Vec<usize>, Vec<usize>) {
+    let (mut hyper, mut family_at, mut family_of) = (Vec::new(), Vec::new(), Vec::new());
+    let families = members.iter().map(|m| m.family + 1).max().unwrap_or(0);
+    for family in 0..families {
+        family_at.push(hyper.len());
+        let of_family = members.iter().find(|m| m.family == family);
+        hyper.extend(of_family.map_or(&[][..], |m| m.block.hyper_parameters()).iter().cloned());
+        family_of.resize(hyper.len(), family);
+    }
+    family_of.push(usize::MAX);
+    hyper.push(VARIATION);
+    (hyper, family_at, family_of)
+}
+
+impl Problem {
+    /// Of all that was measured.
+    pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
+        Self::of(plant, runs, tuning, |plant, run| {
+            let joints = joint_block(plant, run).map(|b| Box::new(b) as Box<dyn Block>);
+            Ok([base_block(plant, run)?, joints])
+        })
     }
 
-    fn of(plant: &Plant, runs: usize, members: Vec<Member>, candidates: Vec<Candidate>) -> Self {
-        let (mut hyper, mut family_at, mut family_of) = (Vec::new(), Vec::new(), Vec::new());
-        let families = members.iter().map(|m| m.family + 1).max().unwrap_or(0);
-        for family in 0..families {
-            family_at.push(hyper.len());
-            let of_family = members.iter().find(|m| m.family == family);
-            hyper.extend(of_family.map_or(&[][..], |m| m.block.hyper_parameters()).iter().cloned());
-            family_of.resize(hyper.len(), family);
-        }
-        family_of.push(usize::MAX);
-        hyper.push(VARIATION);
+    /// Of the floating bases alone.
+    pub(crate) fn of_bases(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
+        Self::of(plant, runs, tuning, |plant, run| Ok([base_block(plant, run)?, None]))
+    }
+
+    fn of(
+        plant: &Plant,
+        runs: &[Run],
+        tuning: &Tuning,
+        blocks: impl Fn(&Plant, &Run) -> Result<[Option<Box<dyn Block>>; 2], ModelError> + Sync,
+    ) -> Result<Self, ModelError> {
         let uncertain = uncertain(plant);
+        let tuned = uncertain.iter().zip(&tuning.0).fold(plant.clone(), |plant, (value, by)| value.moved(&plant, *by));
+        let blocks: Vec<[Option<Box<dyn Block>>; 2]> =
+            runs.par_iter().map(|run| blocks(&tuned, run)).collect::<Result<_, ModelError>>()?;
+        let members = members(blocks);
+        let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
+        let candidates = candidates(plant, duration_s, &rates(plant, runs));
+        let (hyper, family_at, family_of) = hyper_parameters(&members);
         let (mut first, mut spikes) = (Vec::new(), Vec::new());
         for candidate in &candidates {
             first.push(spikes.len());
@@ -122,12 +148,35 @@ impl Problem {
             }
         }
         spikes.extend(uncertain.iter().map(|_| 1.0));
-        Self { plant: plant.clone(), members, runs, candidates, first, uncertain, hyper, family_at, family_of, spikes }
+        let (plant_file, plant, tuning, runs) = (plant.clone(), tuned, tuning.clone(), runs.len());
+        Ok(Self {
+            plant_file,
+            plant,
+            tuning,
+            members,
+            runs,
+            candidates,
+            first,
+            uncertain,
+            hyper,
+            family_at,
+            family_of,
+            spikes,
+        })
     }
 
-    /// The plant with its uncertain values moved by so many standard deviations.
+    /// The plant with its uncertain values moved by so many standard deviations from the plant file's.
     pub(crate) fn settled(&self, by: &[f64]) -> Plant {
-        self.uncertain.iter().zip(by).fold(self.plant.clone(), |plant, (value, by)| value.moved(&plant, *by))
+        let moved = |plant: Plant, (i, value): (usize, &Uncertain)| match by.get(i) {
+            Some(by) => value.moved(&plant, by - self.tuned_by(i)),
+            None => plant,
+        };
+        self.uncertain.iter().enumerate().fold(self.plant.clone(), moved)
+    }
+
+    /// How far an uncertain value of the plant is from the plant file's, in standard deviations.
+    fn tuned_by(&self, value: usize) -> f64 {
+        self.tuning.0.get(value).copied().unwrap_or(0.0)
     }
 
     /// Strengths of the structured discrepancy, of each family of blocks.
@@ -142,16 +191,17 @@ impl Problem {
         out
     }
 
-    /// The same without the blocks whose noise model another problem does not have, with that one's hyper-parameters.
-    pub(crate) fn with_noise_of(mut self, other: &Self) -> Self {
+    /// The same of other runs, with this one's hyper-parameters and without the blocks whose noise model this one does not have.
+    pub(crate) fn of_other_runs(&self, runs: &[Run]) -> Result<Self, ModelError> {
+        let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
         let knows = |m: &Member| {
-            let family = other.members.iter().find(|o| o.family == m.family);
-            family.is_some_and(|o| o.block.hyper_parameters().len() == m.block.hyper_parameters().len())
+            let family = self.members.iter().find(|own| own.family == m.family);
+            family.is_some_and(|own| own.block.hyper_parameters().len() == m.block.hyper_parameters().len())
         };
-        self.members.retain(knows);
-        (self.hyper, self.family_at, self.family_of) =
-            (other.hyper.clone(), other.family_at.clone(), other.family_of.clone());
-        self
+        other.members.retain(knows);
+        (other.hyper, other.family_at, other.family_of) =
+            (self.hyper.clone(), self.family_at.clone(), self.family_of.clone());
+        Ok(other)
     }
 
     /// Number of runs that have any block.
@@ -256,9 +306,14 @@ impl Problem {
             }
         }
         let effects = self.effects(model);
-        for (value, at) in self.uncertain.iter().zip(self.uncertain_parameters()) {
+        for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
             let moved = block.predict(&value.moved(plant, 1.0), &effects)?;
-            columns[1 + at] = difference(&moved, &base, 1.0);
+            let column = difference(&moved, &base, 1.0);
+            let now = self.tuned_by(i);
+            if now != 0.0 {
+                data.iter_mut().zip(&column).for_each(|(d, c)| *d += now * c);
+            }
+            columns[1 + at] = column;
         }
         columns[0] = data;
         Ok(columns)

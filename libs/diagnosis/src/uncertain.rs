@@ -17,6 +17,8 @@ pub struct Uncertain {
     pub sd: f64,
     /// Which link or thruster, from 0.
     pub index: usize,
+    /// Whether it is a gain of a servo.
+    pub is_gain: bool,
     value: Value,
 }
 
@@ -73,16 +75,16 @@ impl Uncertain {
 pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     let mut all = stated(plant);
     if plant.uncertainty.is_some() && !plant.base.clamped {
-        (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all)));
+        (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all, true)));
     }
     all
 }
 
 /// Adds a value in one field, where it is uncertain at all.
-fn add_to(all: &mut Vec<Uncertain>) -> impl FnMut(String, f64, usize, Field) {
-    |name, sd, index, value| {
+fn add_to(all: &mut Vec<Uncertain>, is_gain: bool) -> impl FnMut(String, f64, usize, Field) {
+    move |name, sd, index, value| {
         if sd > 0.0 {
-            all.push(Uncertain { name, sd, index, value: Value::Field(value) });
+            all.push(Uncertain { name, sd, index, is_gain, value: Value::Field(value) });
         }
     }
 }
@@ -91,7 +93,7 @@ fn add_to(all: &mut Vec<Uncertain>) -> impl FnMut(String, f64, usize, Field) {
 pub fn stated(plant: &Plant) -> Vec<Uncertain> {
     let Some(u) = &plant.uncertainty else { return Vec::new() };
     let mut all = Vec::new();
-    let mut add = add_to(&mut all);
+    let mut add = add_to(&mut all, false);
     if !plant.base.clamped {
         add("base mass_kg".into(), u.base_mass_kg, 0, |p, _| &mut p.base.mass_kg);
         add("base inertia_kg_m2".into(), u.base_inertia_kg_m2, 0, |p, _| &mut p.base.inertia_kg_m2);
@@ -107,7 +109,8 @@ pub fn stated(plant: &Plant) -> Vec<Uncertain> {
     drop(add);
     if u.thrust_n > 0.0 {
         let name = |i: usize| format!("thruster {} thrust_N", i + 1);
-        let thrust = |i: usize| Uncertain { name: name(i), sd: u.thrust_n, index: i, value: Value::Thrust };
+        let thrust =
+            |i: usize| Uncertain { name: name(i), sd: u.thrust_n, index: i, is_gain: false, value: Value::Thrust };
         all.extend((0..plant.thrusters.len()).map(thrust));
     }
     all
