@@ -94,15 +94,13 @@ fn answer(
     wiring: Wiring,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    say("tuning the servos");
-    let mut tuning = Tuning::without_causes(plant, records.0)?;
+    let mut tuning = Tuning::default();
     for again in 0.. {
         let problem = Problem::new(plant, records.0, &tuning)?;
         if problem.is_empty() {
             break;
         }
         let searched = search::search(&problem, say)?;
-        // With its causes a plant's servos may turn out to be tuned otherwise than without.
         let found = Tuning::of(&problem, &searched.uncertain_means());
         if again == RETUNED || found.is_near(&tuning) {
             return answer_of(&searched, records, wiring, say);

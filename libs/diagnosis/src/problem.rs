@@ -76,12 +76,13 @@ pub(crate) struct Linearized {
     pub(crate) size: Vec<f64>,
 }
 
-fn base_block(plant: &Plant, run: &Run) -> Result<Option<Box<dyn Block>>, ModelError> {
-    Ok(BaseBlock::new(plant, run)?.map(|b| Box::new(b) as Box<dyn Block>))
-}
-
-/// The blocks of all runs, by family. A family has one noise model: what does not share it with the first of its family is left out.
-fn members(blocks: Vec<[Option<Box<dyn Block>>; 2]>) -> Vec<Member> {
+/// The blocks of all runs. A family has one noise model: what does not share it with the first of its family is left out.
+fn members(plant: &Plant, runs: &[Run]) -> Result<Vec<Member>, ModelError> {
+    let of_run = |run: &Run| -> Result<[Option<Box<dyn Block>>; 2], ModelError> {
+        let base = BaseBlock::new(plant, run)?.map(|b| Box::new(b) as Box<dyn Block>);
+        Ok([base, joint_block(plant, run).map(|b| Box::new(b) as Box<dyn Block>)])
+    };
+    let blocks: Vec<_> = runs.par_iter().map(of_run).collect::<Result<_, ModelError>>()?;
     let mut members: Vec<Member> = Vec::new();
     for (run, of_run) in blocks.into_iter().enumerate() {
         for (family, block) in of_run.into_iter().enumerate() {
@@ -93,7 +94,7 @@ fn members(blocks: Vec<[Option<Box<dyn Block>>; 2]>) -> Vec<Member> {
         let first = model_of.iter().find(|(family, _)| *family == m.family);
         first.is_some_and(|(_, count)| *count == m.block.hyper_parameters().len())
     });
-    members
+    Ok(members)
 }
 
 /// Hyper-parameters of all families, then the variation from run to run; the first of each family; the family of each.
@@ -112,30 +113,15 @@ fn hyper_parameters(members: &[Member]) -> (Vec<HyperParameter>, Vec<usize>, Vec
 }
 
 impl Problem {
-    /// Of all that was measured.
+    /// Of runs of a plant, whose servos are tuned otherwise than its file says.
     pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
-        Self::of(plant, runs, tuning, |plant, run| {
-            let joints = joint_block(plant, run).map(|b| Box::new(b) as Box<dyn Block>);
-            Ok([base_block(plant, run)?, joints])
-        })
-    }
-
-    /// Of the floating bases alone.
-    pub(crate) fn of_bases(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
-        Self::of(plant, runs, tuning, |plant, run| Ok([base_block(plant, run)?, None]))
-    }
-
-    fn of(
-        plant: &Plant,
-        runs: &[Run],
-        tuning: &Tuning,
-        blocks: impl Fn(&Plant, &Run) -> Result<[Option<Box<dyn Block>>; 2], ModelError> + Sync,
-    ) -> Result<Self, ModelError> {
         let uncertain = uncertain(plant);
-        let tuned = uncertain.iter().zip(&tuning.0).fold(plant.clone(), |plant, (value, by)| value.moved(&plant, *by));
-        let blocks: Vec<[Option<Box<dyn Block>>; 2]> =
-            runs.par_iter().map(|run| blocks(&tuned, run)).collect::<Result<_, ModelError>>()?;
-        let members = members(blocks);
+        let values = uncertain.iter().enumerate();
+        let tuned = values.fold(plant.clone(), |plant, (i, value)| match tuning.by(i) {
+            0.0 => plant,
+            by => value.moved(&plant, by),
+        });
+        let members = members(&tuned, runs)?;
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         let candidates = candidates(plant, duration_s, &rates(plant, runs));
         let (hyper, family_at, family_of) = hyper_parameters(&members);
@@ -168,15 +154,10 @@ impl Problem {
     /// The plant with its uncertain values moved by so many standard deviations from the plant file's.
     pub(crate) fn settled(&self, by: &[f64]) -> Plant {
         let moved = |plant: Plant, (i, value): (usize, &Uncertain)| match by.get(i) {
-            Some(by) => value.moved(&plant, by - self.tuned_by(i)),
+            Some(by) => value.moved(&plant, by - self.tuning.by(i)),
             None => plant,
         };
         self.uncertain.iter().enumerate().fold(self.plant.clone(), moved)
-    }
-
-    /// How far an uncertain value of the plant is from the plant file's, in standard deviations.
-    fn tuned_by(&self, value: usize) -> f64 {
-        self.tuning.0.get(value).copied().unwrap_or(0.0)
     }
 
     /// Strengths of the structured discrepancy, of each family of blocks.
@@ -309,7 +290,7 @@ impl Problem {
         for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
             let moved = block.predict(&value.moved(plant, 1.0), &effects)?;
             let column = difference(&moved, &base, 1.0);
-            let now = self.tuned_by(i);
+            let now = self.tuning.by(i);
             if now != 0.0 {
                 data.iter_mut().zip(&column).for_each(|(d, c)| *d += now * c);
             }

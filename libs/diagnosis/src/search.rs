@@ -48,7 +48,7 @@ pub(crate) struct Searched<'a> {
 pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
-    let (null_hyper, _) = search.values_without_causes(None)?;
+    let null_hyper = search.without_causes()?;
     say("linearizing");
     let mut model = Vec::new();
     let mut linearized = problem.linearized(&model, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
@@ -131,15 +131,10 @@ impl Searched<'_> {
 }
 
 impl Search<'_> {
-    /// The hyper-parameters that suit the data best without causes, from others that did nearly or from their medians, and the
-    /// posterior means of the uncertain values at them, in stated standard deviations.
-    pub(crate) fn values_without_causes(&self, near: Option<&[f64]>) -> Result<(Vec<f64>, Vec<f64>), ModelError> {
+    /// The hyper-parameters that suit the data best without causes.
+    fn without_causes(&self) -> Result<Vec<f64>, ModelError> {
         let linearized = self.problem.linearized(&[], Slope::Secant, &|_, _| false, None)?;
-        let (start, width) = near.map_or_else(|| (medians(self.problem), 1.0), |near| (near.to_vec(), 0.5));
-        let hyper = self.optimized(&linearized, &[], &[], &start, width, |_, _| true);
-        let point = self.point(&linearized, &hyper, &self.parameters_with(&[]).0, &GramCache::default());
-        let values = point.map_or_else(Vec::new, |point| point.posterior.means().to_vec());
-        Ok((hyper, values))
+        Ok(self.optimized(&linearized, &[], &[], &medians(self.problem), 1.0, |_, _| true))
     }
 
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which

@@ -45,7 +45,7 @@ pub(crate) struct Found {
 }
 
 impl<'a> Search<'a> {
-    pub(crate) fn new(problem: &'a Problem) -> Self {
+    pub(super) fn new(problem: &'a Problem) -> Self {
         let (parameters, position) = (Vec::new(), Vec::new());
         let mut count: HashMap<&str, usize> = HashMap::new();
         problem.candidates.iter().for_each(|c| *count.entry(&c.kind).or_default() += 1);
