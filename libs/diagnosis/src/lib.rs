@@ -101,7 +101,7 @@ fn answer(
             break;
         }
         let searched = search::search(&problem, say)?;
-        let found = Tuning::of(&problem, &searched.uncertain_means());
+        let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
         if again == RETUNED || found.is_near(&tuning) {
             return answer_of(&searched, records, wiring, say);
         }

@@ -1,7 +1,7 @@
 //! How servos that follow datagrams are tuned. The base feels what a servo makes of a datagram, which hangs on its gains far from
 //! linearly within what is known of them: a search that finds other gains is repeated about these.
 
-use crate::problem::Problem;
+use crate::uncertain::Uncertain;
 
 /// A gain that moves by less than this share of what is known of it stands still.
 const STANDS_STILL: f64 = 0.5;
@@ -15,9 +15,9 @@ pub(crate) struct Tuning(Vec<f64>);
 
 impl Tuning {
     /// The gains among estimated values.
-    pub(crate) fn of(problem: &Problem, values: &[f64]) -> Self {
+    pub(crate) fn of(uncertain: &[Uncertain], values: &[f64]) -> Self {
         let gain = |is_gain: bool, value: &f64| if is_gain { value.clamp(-FARTHEST, FARTHEST) } else { 0.0 };
-        Self(problem.uncertain.iter().zip(values).map(|(u, value)| gain(u.is_gain, value)).collect())
+        Self(uncertain.iter().zip(values).map(|(u, value)| gain(u.is_gain, value)).collect())
     }
 
     /// How far an uncertain value is from the plant file's.
