@@ -8,6 +8,7 @@
 //!
 //! - *followed*: a servo makes the arm follow a command. The encoders read the command, its mean lag taken off, and beside it
 //!   a smooth motion whose acceleration is a process of inferred strength, in proportion to what is commanded.
+//!   Where datagrams command it, accelerations at the instant of a row are anything, too: servos settle between datagrams.
 //! - *driven*: the motors' torques are known all the time (a measured current, or none). The motion between two rows is
 //!   anything, and each row is a balance of torques that tells what it was. This is the equation of motion with process
 //!   noise, written so that the rows stay local: an unstable or chaotic motion is never integrated.
