@@ -24,11 +24,12 @@ mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, ClosedLoop, Nodes, datagrams};
+use crate::servo_response::{self, ClosedLoop, Elasticity, Nodes, datagrams, elasticity};
 use fss_estimation::Columns;
+use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Physics, Plant, Pulse, Servo, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::{Predictor, joints_only};
@@ -58,6 +59,9 @@ pub struct BaseBlock {
 
 /// A plant, its effects, and what is linearized about them.
 struct About {
+    elasticity: Vec<Elasticity>,
+    /// What the rows change by with drives that are elastic otherwise than the plant's.
+    swings: Mutex<Vec<(Vec<Elasticity>, Option<Arc<Vec<f64>>>)>>,
     /// The drives with which the joints' path was computed, and what joints' motion beside it changes; `None` without datagrams.
     drives: Option<(ClosedLoop, JointMotion)>,
     predictor: Predictor,
@@ -79,17 +83,42 @@ impl About {
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
         let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
         let drives = closed_loop(&predictor, &physics)?.map(|own| (own, beside));
-        Ok(Self { drives, predictor, noise })
+        Ok(Self { elasticity: elasticity(&physics), swings: Mutex::default(), drives, predictor, noise })
     }
 
-    /// What the rows change by where servos are tuned otherwise than this plant's, by the part that telemetry does not show; `None`
-    /// where they are not.
-    fn answer(&self, servos: &[Servo], samples: &Samples) -> Option<Vec<f64>> {
-        let encoders = &self.predictor.encoders;
-        let (own, beside) = self.drives.as_ref()?;
-        let change = own.change(servos, encoders.response.as_ref()?)?;
-        let unseen: Vec<Nodes> = change.iter().enumerate().map(|(i, change)| encoders.unseen(i, change)).collect();
-        Some(beside.rows(samples, |joint, t_s| encoders.grid.between(&unseen[joint], t_s)))
+    /// What the rows change by where links swing on their motors, and where these move otherwise than with this plant's servos and
+    /// drives, by the part that telemetry does not show; `None` where neither is so.
+    fn answer(
+        &self,
+        (plant, effects): (&Plant, &[Effect]),
+        physics: &Physics,
+        (samples, commands): (&Samples, Option<&Commands>),
+    ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
+        let (Some((own, beside)), Some(commands)) = (&self.drives, commands) else { return Ok(None) };
+        let Some(nominal) = &self.predictor.encoders.response else { return Ok(None) };
+        let rows = |change: Option<Vec<Nodes>>, wind_up: &Option<Vec<Nodes>>| {
+            let encoders = &self.predictor.encoders;
+            let unseen = change.map(|change| (0..change.len()).map(|i| encoders.unseen(i, &change[i])).collect());
+            let parts: Vec<&Vec<Nodes>> = unseen.iter().chain(wind_up).collect();
+            let at = |joint: usize, t_s: f64| {
+                let part = |part: &&Vec<Nodes>| encoders.grid.between(&part[joint], t_s);
+                parts.iter().map(part).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+            };
+            (!parts.is_empty()).then(|| Arc::new(beside.rows(samples, at)))
+        };
+        let elasticity = elasticity(physics);
+        if elasticity == self.elasticity {
+            return Ok(rows(own.change(&physics.servos, nominal), &nominal.wind_up));
+        }
+        let kept = || self.swings.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = kept().iter().find(|(of, _)| *of == elasticity) {
+            return Ok(known.clone());
+        }
+        let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
+        let swing = servo_response::response(&plant, commands, &self.predictor.encoders.grid.edges_s())?;
+        let rows = rows(Some(swing.beside(nominal)), &swing.wind_up);
+        kept().push((elasticity, rows.clone()));
+        Ok(rows)
     }
 }
 
@@ -172,8 +201,9 @@ impl Block for BaseBlock {
         let about = self.about(plant, effects)?;
         let motion = about.predictor.motion(plant, effects)?;
         let mut rows = self.samples.read(&motion);
-        if let Some(change) = about.answer(&motion.physics.servos, &self.samples) {
-            rows.iter_mut().zip(change).for_each(|(v, c)| *v += c);
+        let records = (&self.samples, datagrams(plant, &self.run));
+        if let Some(change) = about.answer((plant, effects), &motion.physics, records)? {
+            rows.iter_mut().zip(change.iter()).for_each(|(v, c)| *v += c);
         }
         Ok(rows)
     }

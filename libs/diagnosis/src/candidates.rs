@@ -29,7 +29,7 @@ pub(crate) struct Candidate {
     /// The kind that it is one of, for the prior: each kind is as likely as any other.
     pub(crate) kind: String,
     pub(crate) prior: Prior,
-    /// Value of the shape, of [`Response::Shape`].
+    /// Value of the shape, of [`Response::Shape`]; of a spring the size of its coordinate that its columns are taken at.
     shape: f64,
     /// Number of coordinates.
     pub(crate) size: usize,
@@ -61,6 +61,9 @@ impl Candidate {
     /// A size of a coordinate at which its action is seen and not yet far from proportional, that of its narrowest slab, on the
     /// side that its bounds allow.
     pub(crate) fn probe(&self, coordinate: usize) -> f64 {
+        if self.prior.response == Response::Inverse {
+            return self.shape;
+        }
         let typical = SLAB_WIDTHS[0] * self.prior.typical[coordinate];
         if self.bounds(coordinate)[1] < typical { -typical } else { typical }
     }
@@ -108,18 +111,32 @@ impl Candidate {
     }
 }
 
-/// Every cause that the plant can have, laws among them: of runs as long as `duration_s`, in which the joints had rates between
-/// `rates_rad_s`.
-pub(crate) fn candidates(plant: &Plant, duration_s: f64, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
-    let mut all: Vec<Candidate> = effects::candidates(plant).iter().flat_map(|effect| of(effect, plant, "")).collect();
+/// What the runs are that causes are sought in.
+pub(crate) struct Records {
+    /// The longest run's length, s.
+    pub(crate) duration_s: f64,
+    /// Least and largest rate of each joint, rad/s.
+    pub(crate) rates_rad_s: Vec<[f64; 2]>,
+    /// Whether datagrams command joints, so that links swing on elastic drives.
+    pub(crate) swing: bool,
+}
+
+/// Every cause that the plant can have, laws among them.
+pub(crate) fn candidates(plant: &Plant, records: &Records) -> Vec<Candidate> {
+    let of = |effect: &Effect, suffix: &str| of(effect, plant, suffix, records.swing);
+    let mut all: Vec<Candidate> = effects::candidates(plant).iter().flat_map(|effect| of(effect, "")).collect();
     // What all thrusters or all links share lies upstream of them.
     let shared = |kind: &&&dyn EffectKind| {
         kind.about().index == Index::Thruster && kind.prior(plant, None).response == Response::Linear
     };
     for kind in catalogue().iter().filter(shared).filter(|_| !plant.thrusters.is_empty()) {
-        all.extend(of(&Effect::of(*kind).nominal(plant), plant, " of all"));
+        all.extend(of(&Effect::of(*kind).nominal(plant), " of all"));
     }
-    all.extend(if plant.base.clamped { joint_laws(plant, rates_rad_s) } else { base_laws(plant, duration_s) });
+    all.extend(if plant.base.clamped {
+        joint_laws(plant, &records.rates_rad_s)
+    } else {
+        base_laws(plant, records.duration_s)
+    });
     // What a clamped base lacks has no typical size.
     let has_size =
         |c: &Candidate| c.prior.response == Response::Discrete || c.prior.typical[..c.size].iter().all(|t| *t > 0.0);
@@ -127,7 +144,10 @@ pub(crate) fn candidates(plant: &Plant, duration_s: f64, rates_rad_s: &[[f64; 2]
     all
 }
 
-fn of(effect: &Effect, plant: &Plant, suffix: &str) -> Vec<Candidate> {
+/// What swings on a spring tells its frequency: stiffnesses are tried over the widths of the prior, in octaves.
+const OCTAVES: std::ops::RangeInclusive<i32> = -4..=2;
+
+fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidate> {
     let prior = effect.kind().prior(plant, effect.index().map(|i| i - 1));
     let kind = format!("{}{suffix}", effect.id());
     let one = |size: usize, shape: f64| Candidate {
@@ -141,7 +161,9 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str) -> Vec<Candidate> {
     match prior.response {
         Response::Linear | Response::Strength => vec![one(effect.values().len(), 0.0)],
         Response::Shape(values) => values.iter().map(|value| one(1, *value)).collect(),
-        Response::Inverse | Response::Discrete => vec![one(1, 0.0)],
+        Response::Inverse if swing => OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect(),
+        Response::Inverse => vec![one(1, SLAB_WIDTHS[0] * prior.typical[0])],
+        Response::Discrete => vec![one(1, 0.0)],
     }
 }
 

@@ -30,20 +30,21 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::datagrams;
+use crate::servo_response::{self, Elasticity, datagrams, elasticity};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
-use fss_plant::{Effect, JointPhysics, Plant};
+use fss_plant::{Effect, JointPhysics, Physics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
 use linearize::Anchor;
-use mechanics::{Loads, Mechanics, NominalThrust};
+use mechanics::{Loads, Mechanics, NominalThrust, WindUp};
 use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
 use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use track::Track;
 
 /// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
 const TYPICAL_ACCELERATION: f64 = 1.0;
@@ -52,6 +53,9 @@ const TYPICAL_RATE: f64 = 0.5;
 const ACTIVITY_S: f64 = 0.3;
 /// Fewer moments than this cannot hold an initial state and say anything.
 const FEWEST_MOMENTS: usize = 4;
+
+/// So many simulations of elastic drives are kept: those of what is present and of what it is compared with.
+const KEPT_SWINGS: usize = 4;
 
 /// The joints' channels of a run.
 pub struct JointBlock {
@@ -68,6 +72,8 @@ pub struct JointBlock {
     hyper: Vec<HyperParameter>,
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<Present>>>,
+    /// How links swing on elastic drives, those that were asked for last.
+    swings: Mutex<Vec<(Vec<Elasticity>, Arc<Vec<Track>>)>>,
     /// The nominal plant.
     plant: Plant,
     measured: Vec<f64>,
@@ -79,10 +85,14 @@ pub struct JointBlock {
 
 /// The plant and the effects about which everything is linearized.
 struct Present {
+    /// Whether any drive is elastic.
+    is_elastic: bool,
     /// Breakaway torque of each joint, N m.
     breakaway_n_m: Vec<f64>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
+    /// The path where servos answer otherwise than the nominal plant's, for drives are elastic; `None` where they do not.
+    path: Option<MeasuredPath>,
 }
 
 /// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
@@ -97,9 +107,9 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let thrust = NominalThrust::new(plant, run, &path).ok()?;
     let scale = torque_scale(plant)?;
     let none = Loads::default();
-    let rigid = Mechanics::new(plant, &[], (run, &path, &none), Some(&thrust)).ok()?;
+    let rigid = Mechanics::new(plant, &[], (run, &path, WindUp::OfLoads(&none)), Some(&thrust)).ok()?;
     let loads = if telemetry::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
-    let mechanics = Mechanics::new(plant, &[], (run, &path, &loads), Some(&thrust)).ok()?;
+    let mechanics = Mechanics::new(plant, &[], (run, &path, WindUp::OfLoads(&loads)), Some(&thrust)).ok()?;
     let nominal = linearize::predict(&mechanics, &path, &rows);
     // Headings are known but for whole turns.
     for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
@@ -200,7 +210,8 @@ impl JointBlock {
         let measured = rows.iter().map(|r| r.value).collect();
         let (time_of_row, noise_of_row) =
             (rows.iter().map(|r| r.t_s).collect(), rows.iter().map(|r| r.noise).collect());
-        let run = Run { name: run.name.clone(), thrust_levels: run.thrust_levels.clone(), ..Run::default() };
+        // What was sampled of the end-effector is in the rows.
+        let run = Run { ee_pose: None, gyro: None, ..run.clone() };
         Self {
             run,
             path,
@@ -212,6 +223,7 @@ impl JointBlock {
             anchors,
             hyper,
             present: Mutex::new(None),
+            swings: Mutex::default(),
             plant: plant.clone(),
             measured,
             channel_of_row,
@@ -226,15 +238,48 @@ impl JointBlock {
     }
 
     /// What a plant with effects is about which everything is linearized.
-    fn about(&self, plant: &Plant, effects: &[Effect], mechanics: &Mechanics) -> Present {
+    fn about(&self, plant: &Plant, effects: &[Effect]) -> Result<Present, ModelError> {
+        let physics = Physics::with(plant, effects);
+        let is_elastic = elasticity(&physics).iter().any(Elasticity::is_elastic);
+        let answers = is_elastic && !servo_response::answer_alike(plant, effects, &self.plant);
+        let path = if answers && datagrams(plant, &self.run).is_some() {
+            let moving = servo_response::with_exactly(plant, &servo_response::moving(effects));
+            MeasuredPath::new(&moving, &self.run)
+        } else {
+            None
+        };
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
-        let is_nominal = self.anchors.is_some() || (effects.is_empty() && *plant == self.plant);
-        let parts = (&self.path, self.rows.as_slice(), self.scale.as_slice());
-        let anew = || Linearization::new(plant, mechanics, parts, &self.nominal.model);
-        Present {
-            breakaway_n_m: mechanics.physics(0.0).joints.iter().map(of).collect(),
-            linearization: if is_nominal { None } else { anew() },
+        let breakaway_n_m = physics.joints.iter().map(of).collect();
+        let mut present = Present { is_elastic, breakaway_n_m, linearization: None, path };
+        if self.anchors.is_none() && !(effects.is_empty() && *plant == self.plant) {
+            let path = present.path.as_ref().unwrap_or(&self.path);
+            let parts = (&self.run, path, self.wind_up((plant, effects), &present)?);
+            let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
+            let parts = (path, self.rows.as_slice(), self.scale.as_slice());
+            present.linearization = Linearization::new(plant, &mechanics, parts, &self.nominal.model);
         }
+        Ok(present)
+    }
+
+    /// How far links are ahead of their motors with these effects. Where datagrams command an arm that has elastic drives, links swing
+    /// on them; a first look at what such drives would do does without.
+    fn wind_up(&self, (plant, effects): (&Plant, &[Effect]), present: &Present) -> Result<WindUp<'_>, ModelError> {
+        let elasticity = elasticity(&Physics::with(plant, effects));
+        let swings = present.is_elastic && elasticity.iter().any(Elasticity::is_elastic);
+        let commands = datagrams(plant, &self.run).filter(|_| swings);
+        let Some(commands) = commands else { return Ok(WindUp::OfLoads(&self.loads)) };
+        let kept = || self.swings.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, tracks)) = kept().iter().find(|(of, _)| *of == elasticity) {
+            return Ok(WindUp::Simulated(tracks.clone()));
+        }
+        let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
+        let grid_s: Vec<f64> = self.path.grid_s().collect();
+        let wind_up = servo_response::response(&plant, commands, &grid_s)?.wind_up.unwrap_or_default();
+        let tracks: Arc<Vec<Track>> = Arc::new(wind_up.into_iter().map(|nodes| self.path.track(nodes)).collect());
+        let mut kept = kept();
+        kept.truncate(KEPT_SWINGS - 1);
+        kept.insert(0, (elasticity, tracks.clone()));
+        Ok(WindUp::Simulated(tracks))
     }
 
     /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
@@ -260,13 +305,21 @@ impl Block for JointBlock {
     }
 
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
-        let parts = (&self.run, &self.path, &self.loads);
+        let known = self.present().clone();
+        let present = match known {
+            Some(present) => present,
+            None => {
+                let about = Arc::new(self.about(plant, effects)?);
+                self.present().get_or_insert(about).clone()
+            }
+        };
+        let path = present.path.as_ref().unwrap_or(&self.path);
+        let parts = (&self.run, path, self.wind_up((plant, effects), &present)?);
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
-        let present = self.present().get_or_insert_with(|| Arc::new(self.about(plant, effects, &mechanics))).clone();
         let about = present.linearization.as_ref().unwrap_or(&self.nominal);
         let mut out = match &self.anchors {
-            Some(anchors) => linearize::predict_driven(&mechanics, &self.path, &self.rows, anchors),
-            None => linearize::predict(&mechanics, &self.path, &self.rows),
+            Some(anchors) => linearize::predict_driven(&mechanics, path, &self.rows, anchors),
+            None => linearize::predict(&mechanics, path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
         Ok(out)
@@ -274,6 +327,7 @@ impl Block for JointBlock {
 
     fn forget(&self) {
         *self.present() = None;
+        self.swings.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {

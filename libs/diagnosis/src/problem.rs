@@ -2,8 +2,9 @@
 
 use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
-use crate::candidates::{Candidate, candidates};
+use crate::candidates::{Candidate, Records, candidates};
 use crate::joints::joint_block;
+use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
 use crate::uncertain::{Uncertain, uncertain};
 use fss_experiments::measured::Run;
@@ -29,6 +30,8 @@ pub(crate) struct Present {
 const SECANT_ABOVE: f64 = 0.05;
 /// Step of a tangent over the probe's size.
 const TANGENT_STEP: f64 = 0.4;
+/// The same of a spring's coordinate over its size: a swing's frequency stays almost what it is.
+const SPRING_STEP: f64 = 0.05;
 /// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
 /// day. What is absent does not vary, or variation could stand for any cause.
 const VARIATION: HyperParameter = HyperParameter {
@@ -67,6 +70,15 @@ pub(crate) enum Slope {
     Secant,
     /// At its present value, for estimating this.
     Tangent,
+}
+
+/// What of earlier columns stays as it is where it is not asked for anew.
+pub(crate) enum Kept {
+    Nothing,
+    /// Columns of causes.
+    Causes(Linearized),
+    /// Those of uncertain values, too: they hardly hang on a small change of the model.
+    All(Linearized),
 }
 
 /// Columns of every block about a model: the data, then every parameter.
@@ -123,7 +135,8 @@ impl Problem {
         });
         let members = members(&tuned, runs)?;
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
-        let candidates = candidates(plant, duration_s, &rates(plant, runs));
+        let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
+        let candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
         let (hyper, family_at, family_of) = hyper_parameters(&members);
         let (mut first, mut spikes) = (Vec::new(), Vec::new());
         for candidate in &candidates {
@@ -209,6 +222,15 @@ impl Problem {
         all.filter(|(_, columns)| acts(columns)).map(|(member, _)| member.family).collect()
     }
 
+    /// Only the columns of the uncertain values.
+    pub(crate) fn of_uncertain(&self, linearized: &Linearized) -> Linearized {
+        let first = 1 + self.parameters() - self.uncertain.len();
+        let own = |columns: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+            columns.iter().enumerate().map(|(i, c)| if i < first { Vec::new() } else { c.clone() }).collect()
+        };
+        Linearized { columns: linearized.columns.iter().map(own).collect(), size: linearized.size.clone() }
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
@@ -235,21 +257,24 @@ impl Problem {
         self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
     }
 
-    /// Linearizes every block about a model. Candidates that are not `wanted` in a family keep the columns of `before`, or get
+    /// Linearizes every block about a model. Candidates that are not `wanted` in a family keep the columns that they had, or get
     /// none.
     pub(crate) fn linearized(
         &self,
         model: &[Present],
         slope: Slope,
         wanted: &(dyn Fn(usize, usize) -> bool + Sync),
-        before: Option<Linearized>,
+        kept: Kept,
     ) -> Result<Linearized, ModelError> {
-        let before =
-            before.map_or_else(|| vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()], |b| b.columns);
+        let keeps_uncertain = matches!(kept, Kept::All(_));
+        let before = match kept {
+            Kept::Nothing => vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()],
+            Kept::Causes(before) | Kept::All(before) => before.columns,
+        };
         let columns = self.members.par_iter().zip(before);
         let columns = columns.map(|(m, before)| {
             let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m.family)).collect();
-            self.columns(m.block.as_ref(), model, slope, &wanted, before)
+            self.columns(m.block.as_ref(), (model, slope), (&wanted, !keeps_uncertain), before)
         });
         let mut size = vec![0.0; self.parameters()];
         let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
@@ -263,9 +288,8 @@ impl Problem {
     fn columns(
         &self,
         block: &dyn Block,
-        model: &[Present],
-        slope: Slope,
-        wanted: &[bool],
+        (model, slope): (&[Present], Slope),
+        (wanted, wants_uncertain): (&[bool], bool),
         mut columns: Vec<Vec<f64>>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
         block.forget();
@@ -288,13 +312,13 @@ impl Problem {
         }
         let effects = self.effects(model);
         for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
-            let moved = block.predict(&value.moved(plant, 1.0), &effects)?;
-            let column = difference(&moved, &base, 1.0);
+            if wants_uncertain {
+                columns[1 + at] = difference(&block.predict(&value.moved(plant, 1.0), &effects)?, &base, 1.0);
+            }
             let now = self.tuning.by(i);
             if now != 0.0 {
-                data.iter_mut().zip(&column).for_each(|(d, c)| *d += now * c);
+                data.iter_mut().zip(&columns[1 + at]).for_each(|(d, c)| *d += now * c);
             }
-            columns[1 + at] = column;
         }
         columns[0] = data;
         Ok(columns)
@@ -312,11 +336,21 @@ impl Problem {
         let own = &self.candidates[candidate];
         let zero = vec![0.0; own.size];
         let now = model.iter().find(|p| p.candidate == candidate).map_or(&zero, |p| &p.coordinates);
+        // The same effect with another shape makes way.
+        let makes_way = |p: &Present| {
+            let other = &self.candidates[p.candidate];
+            let is_discrete = own.prior.response == Response::Discrete;
+            p.candidate != candidate && !is_discrete && is_same(&other.nominal, &own.nominal)
+        };
+        let others: Vec<Present> =
+            model.iter().filter(|p| p.candidate != candidate && !makes_way(p)).cloned().collect();
         let predict = |coordinates: &[f64]| {
-            let mut other: Vec<Present> = model.iter().filter(|p| p.candidate != candidate).cloned().collect();
+            let mut other = others.clone();
             other.push(Present { candidate, coordinates: coordinates.to_vec() });
             block.predict(plant, &self.effects(&other))
         };
+        let without = if model.iter().any(makes_way) { Some(predict(&zero)?) } else { None };
+        let base = without.as_deref().unwrap_or(base);
         let moved = |from: &[f64], i: usize, to: f64| {
             let mut coordinates = from.to_vec();
             coordinates[i] = to;
@@ -331,7 +365,8 @@ impl Problem {
             }]);
         }
         if slope == Slope::Tangent && own.prior.response != Response::Strength {
-            let step = |i: usize| TANGENT_STEP * own.probe(i);
+            let is_spring = own.prior.response == Response::Inverse;
+            let step = |i: usize| if is_spring { SPRING_STEP * now[i] } else { TANGENT_STEP * own.probe(i) };
             let tangent = |i: usize| Ok(difference(&predict(&moved(now, i, now[i] + step(i)))?, base, step(i)));
             return (0..own.size).map(tangent).collect();
         }

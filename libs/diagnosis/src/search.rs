@@ -11,8 +11,8 @@ mod space;
 mod wiring;
 
 use crate::gram::GramCache;
-use crate::problem::{Linearized, Present, Problem, Slope};
-use fss_estimation::evidence::SetPosterior;
+use crate::problem::{Kept, Linearized, Present, Problem, Slope, is_same};
+use fss_estimation::evidence::{SetPosterior, Slab};
 use fss_multibody::ModelError;
 use fss_plant::Response;
 use hyper::PROMISING;
@@ -27,6 +27,8 @@ pub(crate) use wiring::{Rewired, rewired};
 const ROUNDS: usize = 14;
 /// Steps of estimation about one set at the most.
 const POLISHED: usize = 6;
+/// A spring's octave is scanned in so many steps to either side, each a twentieth of a swing's frequency.
+const SCANNED: i32 = 4;
 /// A change of a coordinate below this share of its deviation stands still.
 const STANDS_STILL: f64 = 0.5;
 /// So often at the most a set is linearized about its values without another set being better.
@@ -48,10 +50,12 @@ pub(crate) struct Searched<'a> {
 pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
-    let null_hyper = search.without_causes()?;
-    say("linearizing");
     let mut model = Vec::new();
-    let mut linearized = problem.linearized(&model, Slope::Secant, &|c, family| problem.at_first(c, family), None)?;
+    let uncertain = problem.linearized(&model, Slope::Secant, &|_, _| false, Kept::Nothing)?;
+    let null_hyper = search.optimized(&uncertain, &[], &[], &medians(problem), 1.0, |_, _| true);
+    say("linearizing");
+    let at_first = |c: usize, family: usize| problem.at_first(c, family);
+    let mut linearized = problem.linearized(&model, Slope::Secant, &at_first, Kept::All(uncertain))?;
     let mut hyper = null_hyper.clone();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
     let mut points = Vec::new();
@@ -62,7 +66,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
             search.shortlist(&linearized, &model, &null_hyper, &hyper);
             let chosen = &search.chosen;
             let wanted = |c: usize, family: usize| chosen.contains(&c) && (round > 1 || !problem.at_first(c, family));
-            linearized = problem.linearized(&model, Slope::Secant, &wanted, Some(linearized))?;
+            linearized = problem.linearized(&model, Slope::Secant, &wanted, Kept::All(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
         search.varying = model.iter().map(|p| p.candidate).collect();
@@ -75,8 +79,8 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         again = if same { again + 1 } else { 0 };
         let (estimate, deviations) = search.estimate(&points, &best);
         let start = points[search.judge(&points, &best.causes, &best.classes).1].hyper.clone();
-        let from = if same { model.clone() } else { estimate };
-        let now = search.polished(from, &best, &start)?;
+        let from = if same { model.clone() } else { search.scanned(&linearized, (&model, estimate), &best, &start)? };
+        let now = search.polished(&linearized, from, &best, &start)?;
         let still = Search::stands_still(&model, &now, &deviations) || again >= AGAIN;
         let mut key = best.causes.clone();
         key.sort_unstable();
@@ -94,12 +98,13 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         unchanged = false;
         say(&format!("linearizing about {}", search.names(&model)));
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-        linearized = problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Some(linearized))?;
+        linearized =
+            problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Kept::Causes(linearized))?;
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
         if !same {
             search.note_identical(&linearized, &hyper, &model)?;
         }
-        model = search.polished(model, &best, &hyper)?;
+        model = search.polished(&linearized, model, &best, &hyper)?;
     }
     unreachable_round()
 }
@@ -131,12 +136,6 @@ impl Searched<'_> {
 }
 
 impl Search<'_> {
-    /// The hyper-parameters that suit the data best without causes.
-    fn without_causes(&self) -> Result<Vec<f64>, ModelError> {
-        let linearized = self.problem.linearized(&[], Slope::Secant, &|_, _| false, None)?;
-        Ok(self.optimized(&linearized, &[], &[], &medians(self.problem), 1.0, |_, _| true))
-    }
-
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
     /// differ where actions are not in proportion.
     fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], model: &[Present]) -> Result<(), ModelError> {
@@ -148,14 +147,76 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves.
-    fn polished(&self, mut model: Vec<Present>, set: &Found, hyper: &[f64]) -> Result<Vec<Present>, ModelError> {
+    /// The estimate of a set, stiffnesses that the model before does not have at their likeliest: what swings on a spring tells its
+    /// frequency, so that the likelihood has many maxima.
+    fn scanned(
+        &self,
+        about: &Linearized,
+        (before, mut model): (&[Present], Vec<Present>),
+        set: &Found,
+        hyper: &[f64],
+    ) -> Result<Vec<Present>, ModelError> {
+        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+        let (parameters, position) = self.parameters_with(&present);
+        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
+        let is_scanned = |c: usize| self.problem.candidates[c].prior.response == Response::Inverse;
+        for at in (0..model.len()).filter(|i| is_scanned(present[*i])) {
+            let is_same = |p: &&Present| {
+                is_same(&self.problem.candidates[p.candidate].nominal, &self.problem.candidates[present[at]].nominal)
+            };
+            if let Some(known) = before.iter().find(is_same) {
+                model[at].coordinates.clone_from(&known.coordinates);
+                continue;
+            }
+            let prior = &self.problem.candidates[present[at]].prior;
+            let value = |coordinate: f64| -> Result<f64, ModelError> {
+                let mut model = model.clone();
+                model[at].coordinates[0] = coordinate;
+                let kept = Kept::All(self.problem.of_uncertain(about));
+                let linearized = self.problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), kept)?;
+                let point = self.point(&linearized, hyper, &parameters, &GramCache::default());
+                let own = position[self.problem.first[present[at]]];
+                let here = |s: &Slab| match Some(s.parameter) == own {
+                    true => Slab {
+                        mean: coordinate,
+                        sd: prior.spike[0],
+                        bounds: [f64::NEG_INFINITY, f64::INFINITY],
+                        ..s.clone()
+                    },
+                    false => s.clone(),
+                };
+                let here: Vec<Slab> = slabs.iter().map(here).collect();
+                let posterior = point.and_then(|point| point.posterior.of_set(&here));
+                let value = posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence);
+                Ok(value)
+            };
+            let mut best = (f64::NEG_INFINITY, self.problem.candidates[present[at]].probe(0));
+            let octave = (-SCANNED..=SCANNED).map(|k| best.1 * 2.0_f64.powf(0.5 * f64::from(k) / f64::from(SCANNED)));
+            for coordinate in octave.collect::<Vec<_>>() {
+                let found = (value(coordinate)?, coordinate);
+                best = if found.0 > best.0 { found } else { best };
+            }
+            model[at].coordinates[0] = best.1;
+        }
+        Ok(model)
+    }
+
+    /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves, with the columns that
+    /// uncertain values have `about` a model near it.
+    fn polished(
+        &self,
+        about: &Linearized,
+        mut model: Vec<Present>,
+        set: &Found,
+        hyper: &[f64],
+    ) -> Result<Vec<Present>, ModelError> {
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let (parameters, position) = self.parameters_with(&present);
         let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
         let steps = if present.is_empty() { 0 } else { POLISHED };
         for _ in 0..steps {
-            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c, _| present.contains(&c), None)?;
+            let kept = Kept::All(self.problem.of_uncertain(about));
+            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c, _| present.contains(&c), kept)?;
             let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
             let Some(posterior) = point.posterior.of_set(&slabs) else { break };
             let (now, deviations) = self.presented(set, &posterior);

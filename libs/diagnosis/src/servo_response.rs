@@ -10,7 +10,7 @@ use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, JointCommand, Place, Plant, Servo, Simulation};
+use fss_plant::{Effect, JointCommand, JointPhysics, Physics, Place, Plant, Servo, Simulation};
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
 pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
@@ -18,10 +18,21 @@ pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// The joints' motion in answer to datagrams.
 #[derive(Clone, Debug)]
 pub(crate) struct Response {
-    /// Each joint's.
+    /// What each joint's encoder shows.
     pub(crate) nominal: Vec<Nodes>,
+    /// How far each link is ahead of its motor on an elastic drive; `None` where all are rigid.
+    pub(crate) wind_up: Option<Vec<Nodes>>,
     /// What each joint's servo sees, at the nodes.
     errors: Vec<Vec<Errors>>,
+}
+
+impl Response {
+    /// The joints' motion beside another.
+    pub(crate) fn beside(&self, other: &Self) -> Vec<Nodes> {
+        let node = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| a[i] - b[i]);
+        let joint = |(own, other): (&Nodes, &Nodes)| own.iter().zip(other).map(node).collect();
+        self.nominal.iter().zip(&other.nominal).map(joint).collect()
+    }
 }
 
 /// What a servo corrects: errors of its joint's rate and angle.
@@ -38,8 +49,15 @@ struct Errors {
     until_next: Error,
 }
 
-/// A joint's state at one time of a simulation: encoder angle and rate, what its servo corrects.
-type Instant = ([f64; 2], Error);
+/// A joint's state at one time of a simulation.
+#[derive(Clone, Copy, Debug, Default)]
+struct Instant {
+    /// Angle, rad, and rate, rad/s, that its encoder shows.
+    encoder: [f64; 2],
+    /// The same of its link ahead of its motor.
+    wind_up: [f64; 2],
+    error: Error,
+}
 
 /// The answer of a plant's servos at the times `grid_s`, s.
 ///
@@ -53,13 +71,45 @@ pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
         times.push(simulation.t_s());
         states.iter_mut().enumerate().for_each(|(i, own)| own.push(instant(plant, commands, simulation, i)));
     })?;
-    let nodes = |states: &Vec<Instant>| grid_s.iter().map(|t| node(&times, states, *t)).collect();
-    let nominal = states.iter().map(nodes).collect();
-    Ok(Response { nominal, errors: states.iter().map(|own| errors(&times, own, grid_s)).collect() })
+    let nodes = |of: &dyn Fn(&Instant) -> [f64; 2]| -> Vec<Nodes> {
+        let joint = |own: &Vec<Instant>| {
+            let states: Vec<[f64; 2]> = own.iter().map(of).collect();
+            grid_s.iter().map(|t| node(&times, &states, *t)).collect()
+        };
+        states.iter().map(joint).collect()
+    };
+    let is_elastic = elasticity(&Physics::with(plant, &plant.effects)).iter().any(Elasticity::is_elastic);
+    Ok(Response {
+        nominal: nodes(&|state| state.encoder),
+        wind_up: is_elastic.then(|| nodes(&|state| state.wind_up)),
+        errors: states.iter().map(|own| errors(&times, own, grid_s)).collect(),
+    })
+}
+
+/// What lets a link move beside its motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Elasticity {
+    stiffness_n_m_rad: Option<f64>,
+    backlash_rad: f64,
+}
+
+impl Elasticity {
+    pub(crate) fn is_elastic(&self) -> bool {
+        self.stiffness_n_m_rad.is_some() || self.backlash_rad > 0.0
+    }
+}
+
+/// Of each drive.
+pub(crate) fn elasticity(physics: &Physics) -> Vec<Elasticity> {
+    let of = |j: &JointPhysics| Elasticity { stiffness_n_m_rad: j.stiffness_n_m_rad, backlash_rad: j.backlash_rad };
+    physics.joints.iter().map(of).collect()
 }
 
 fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: usize) -> Instant {
     let (q, qd) = (simulation.encoder_rad(joint), simulation.encoder_rate_rad_s(joint));
+    let (link, motor) = (simulation.joint(joint), simulation.motor(joint));
+    let own = &simulation.physics().joints[joint];
+    let wind_up = [own.motor_angle(link.0) - motor.0, own.gear_ratio(link.0) * link.1 - motor.1];
     let error = match commands.told(joint, simulation.t_s()) {
         Some(JointCommand::Velocity { qd_rad_s }) => Error { rate_rad_s: qd_rad_s - qd, angle_rad: 0.0 },
         Some(JointCommand::Position { q_rad, qd_rad_s }) => {
@@ -68,7 +118,7 @@ fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: u
         }
         _ => Error::default(),
     };
-    ([q, qd], error)
+    Instant { encoder: [q, qd], wind_up, error }
 }
 
 /// The servo of one joint, apart from what others share.
@@ -105,14 +155,14 @@ pub(crate) fn with_exactly(plant: &Plant, effects: &[Effect]) -> Plant {
 }
 
 /// Angle, rate and acceleration at `t_s`, of a motion with constant acceleration between its samples.
-fn node(t_s: &[f64], states: &[Instant], at_s: f64) -> [f64; 3] {
+fn node(t_s: &[f64], states: &[[f64; 2]], at_s: f64) -> [f64; 3] {
     let after = t_s.partition_point(|t| *t <= at_s);
     if after == 0 || after == t_s.len() {
         let end = if after == 0 { 0 } else { after - 1 };
-        let [q, qd] = states.get(end).map_or([0.0; 2], |s| s.0);
+        let [q, qd] = states.get(end).copied().unwrap_or_default();
         return [q + qd * (at_s - t_s.get(end).copied().unwrap_or(at_s)), qd, 0.0];
     }
-    let (a, b) = (states[after - 1].0, states[after].0);
+    let (a, b) = (states[after - 1], states[after]);
     let (step_s, past_s) = (t_s[after] - t_s[after - 1], at_s - t_s[after - 1]);
     let acceleration = (b[1] - a[1]) / step_s;
     [a[0] + past_s * (b[0] - a[0]) / step_s, a[1] + past_s * acceleration, acceleration]
@@ -124,7 +174,7 @@ fn errors(t_s: &[f64], states: &[Instant], grid_s: &[f64]) -> Vec<Errors> {
     let mean = |range: std::ops::Range<usize>| {
         let count = range.len().max(1) as f64;
         let all = states.get(range).unwrap_or_default().iter();
-        let [rate, angle] = all.fold([0.0; 2], |[r, a], (_, e)| [r + e.rate_rad_s, a + e.angle_rad]);
+        let [rate, angle] = all.fold([0.0; 2], |[r, a], s| [r + s.error.rate_rad_s, a + s.error.angle_rad]);
         Error { rate_rad_s: rate / count, angle_rad: angle / count }
     };
     let node = |k: usize| {

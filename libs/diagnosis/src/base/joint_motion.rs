@@ -24,10 +24,8 @@ impl JointMotion {
             let q = joints_only(&carriage.samples[k].q_rad);
             let moving = model.momentum(&State { q, v: joints_only(&unit) });
             let turn = -moving.angular_about_com / carriage.inertia_kg_m2[k];
-            let [x, y] = carriage.com_m[k];
-            let by_angle =
-                [moving.linear.x / carriage.mass_kg - turn * y, moving.linear.y / carriage.mass_kg + turn * x];
-            let [dx, dy] = rotated(path.pose[k][2].sin_cos(), by_angle);
+            let [dx, dy] = [moving.linear.x / carriage.mass_kg, moving.linear.y / carriage.mass_kg];
+            let [dx, dy] = rotated(path.pose[k][2].sin_cos(), [dx, dy]);
             [-dx, -dy, turn]
         };
         let slopes = (0..path.pose.len()).map(|k| (0..joints).map(|joint| at(k, joint)).collect()).collect();

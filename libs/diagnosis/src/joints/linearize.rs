@@ -4,6 +4,7 @@ use super::mechanics::{ArmState, Mechanics};
 use super::path::MeasuredPath;
 use super::rows::{Kind, Row, Slopes, moments};
 use crate::friction::direction;
+use crate::servo_response::ARRIVAL_SD_S;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use fss_plant::Plant;
 use nalgebra::{DVector, Matrix3, SMatrix};
@@ -153,6 +154,12 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
             if let Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) = rows[k].kind {
                 let unit = if let Kind::Current(_) = rows[k].kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };
                 slopes[k].timing_variance = (0.5 * unit * change[i]).powi(2);
+            }
+            if let Kind::Tip(_) = rows[k].kind {
+                // A link swings as late on its drive as its datagram comes.
+                let by_angle = slopes[k].motion.iter().filter(|(state, _)| state % 3 == 0);
+                let late = by_angle.map(|(state, c)| c * ARRIVAL_SD_S * mechanics.wind_up_rate(state / 3, t_s));
+                slopes[k].timing_variance = late.map(|v| v * v).sum();
             }
         }
     }

@@ -12,6 +12,7 @@ use fss_plant::{
     BaseMotion, Effect, Grid, JointPhysics, JointSample, Physics, Plant, Rollout, Sensors, Stream, ValveHistory,
 };
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// Spacing of the thrust's samples, s: valves move in hundredths of a second.
 const THRUST_STEP_S: f64 = 0.005;
@@ -44,10 +45,19 @@ pub(super) struct Loads {
     undecided_n_m: f64,
 }
 
+/// How far links are ahead of their motors on elastic drives.
+#[derive(Clone, Debug)]
+pub(super) enum WindUp<'a> {
+    /// By what the drives carry, without swinging.
+    OfLoads(&'a Loads),
+    /// As simulated.
+    Simulated(Arc<Vec<Track>>),
+}
+
 /// The plant with some effects, along the measured path of a run.
 pub(super) struct Mechanics<'a> {
     path: &'a MeasuredPath,
-    loads: &'a Loads,
+    wind_up: WindUp<'a>,
     rollout: Rollout,
     thrust: ThrustSeries,
 }
@@ -56,7 +66,7 @@ pub(super) struct Mechanics<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct ThrustSeries {
     start_s: f64,
-    values: std::sync::Arc<[[f64; 3]]>,
+    values: Arc<[[f64; 3]]>,
 }
 
 /// Thrust of a run under the nominal plant, kept for plants whose thrusters are nominal.
@@ -118,7 +128,7 @@ impl<'a> Mechanics<'a> {
     pub(super) fn new(
         plant: &Plant,
         effects: &[Effect],
-        (run, path, loads): (&Run, &'a MeasuredPath, &'a Loads),
+        (run, path, wind_up): (&Run, &'a MeasuredPath, WindUp<'a>),
         thrust: Option<&NominalThrust>,
     ) -> Result<Self, ModelError> {
         let rollout = Rollout::with(plant, effects)?;
@@ -126,7 +136,7 @@ impl<'a> Mechanics<'a> {
         let steady = effects.iter().all(|e| e.onset_s().is_none());
         let known = thrust.filter(|known| steady && known.is_of(rollout.physics(0.0)));
         let thrust = known.map_or_else(|| ThrustSeries::new(&rollout, run, path), |known| known.series.clone());
-        Ok(Self { path, loads, rollout, thrust })
+        Ok(Self { path, wind_up, rollout, thrust })
     }
 
     /// What acts at `t_s`.
@@ -149,10 +159,12 @@ impl<'a> Mechanics<'a> {
             let scale = joint.encoder_scale;
             let motor = [(reading - joint.encoder_offset_rad) / scale, rate / scale, acceleration / scale];
             let mut link = through_gear(joint, motor);
-            // Where torques move the arm (no loads are known) the encoder is taken to sit on the link.
-            if joint.is_elastic() && !self.loads.tracks.is_empty() {
+            if joint.is_elastic() {
                 let stiffness = joint.stiffness_n_m_rad.unwrap_or(physics.servos[i].gear_stiffness_n_m_rad);
-                let [lead, lead_rate] = self.loads.lead(i, joint, stiffness, t_s, self.path.step_s());
+                let [lead, lead_rate] = match &self.wind_up {
+                    WindUp::OfLoads(loads) => loads.lead(i, joint, stiffness, t_s, self.path.step_s()),
+                    WindUp::Simulated(tracks) => [0, 1].map(|order| tracks[i].at(t_s)[order]),
+                };
                 link[0] += lead;
                 link[1] += lead_rate;
             }
@@ -160,6 +172,14 @@ impl<'a> Mechanics<'a> {
             (arm.q_rad[i], arm.qd_rad_s[i], arm.qdd_rad_s2[i]) = (link[0], link[1], link[2]);
         }
         arm
+    }
+
+    /// Rate of a link beside its motor where it swings on an elastic drive, rad/s.
+    pub(super) fn wind_up_rate(&self, i: usize, t_s: f64) -> f64 {
+        match &self.wind_up {
+            WindUp::Simulated(tracks) => tracks[i].at(t_s)[1],
+            WindUp::OfLoads(_) => 0.0,
+        }
     }
 
     /// The base at the true time `t_s`; at rest at the table's origin where it is clamped or was not measured.
@@ -334,7 +354,7 @@ impl<'a> Mechanics<'a> {
 
 impl Loads {
     /// How far ahead of its motor an elastic drive's link is, and how fast that grows: wound up by its load, and on the side
-    /// of its play that the load presses it to.
+    /// of its play that the load presses it to. Where torques move the arm no loads are known: the encoder is taken to sit on the link.
     fn lead(&self, i: usize, joint: &JointPhysics, stiffness_n_m_rad: f64, t_s: f64, step_s: f64) -> [f64; 2] {
         let Some(track) = self.tracks.get(i) else { return [0.0; 2] };
         let lead = |t: f64| {

@@ -239,7 +239,7 @@ impl NoiseModel {
                 let units = [hyper.tip_m, hyper.tip_m, hyper.tip_m / self.reach_m];
                 let displaced = (0..=axis).filter_map(|c| Some((places.tip? + c, mix[c] * units[c])));
                 states.extend(displaced.filter(|(_, v)| *v != 0.0));
-                (own * hyper.noise[4]).powi(2)
+                (own * hyper.noise[4]).powi(2) + slopes.timing_variance
             }
         };
         variance.max(f64::MIN_POSITIVE)

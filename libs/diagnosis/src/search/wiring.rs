@@ -16,7 +16,7 @@ use super::space::Search;
 use super::{Searched, medians};
 use crate::conclude::ASSERTED;
 use crate::gram::GramCache;
-use crate::problem::{Linearized, Member, Problem, Slope, difference};
+use crate::problem::{Kept, Linearized, Member, Problem, Slope, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
@@ -46,7 +46,7 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
         return Ok(None);
     }
     let wanted = |c: usize, _: usize| search.chosen.contains(&c);
-    let nominal = problem.linearized(&[], Slope::Secant, &wanted, None)?;
+    let nominal = problem.linearized(&[], Slope::Secant, &wanted, Kept::Nothing)?;
     let actions = Actions::new(problem, count)?;
     let without = actions.wired(&nominal, &vec![None; count]);
     let mut silent = f64::NEG_INFINITY;
