@@ -24,7 +24,7 @@ mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, ClosedLoop, Elasticity, Nodes, datagrams, elasticity};
+use crate::servo_response::{self, ClosedLoop, Elasticity, Nodes, Swing, datagrams, elasticity};
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
@@ -96,19 +96,21 @@ impl About {
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let (Some((own, beside)), Some(commands)) = (&self.drives, commands) else { return Ok(None) };
         let Some(nominal) = &self.predictor.encoders.response else { return Ok(None) };
-        let rows = |change: Option<Vec<Nodes>>, wind_up: &Option<Vec<Nodes>>| {
+        let rows = |change: Option<Vec<Nodes>>, swings: &Option<Vec<Swing>>| {
             let encoders = &self.predictor.encoders;
-            let unseen = change.map(|change| (0..change.len()).map(|i| encoders.unseen(i, &change[i])).collect());
-            let parts: Vec<&Vec<Nodes>> = unseen.iter().chain(wind_up).collect();
+            let unseen = |change: Vec<Nodes>| (0..change.len()).map(|i| encoders.unseen(i, &change[i])).collect();
+            let unseen: Option<Vec<Nodes>> = change.map(unseen);
+            let between = |nodes: &Nodes, t_s: f64| encoders.grid.between(nodes, t_s);
             let at = |joint: usize, t_s: f64| {
-                let part = |part: &&Vec<Nodes>| encoders.grid.between(&part[joint], t_s);
-                parts.iter().map(part).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+                let motor = unseen.as_ref().map_or([0.0; 2], |all| between(&all[joint], t_s));
+                let ahead = swings.as_ref().map_or([0.0; 2], |all| between(&all[joint].ahead, t_s));
+                [motor[0] + ahead[0], motor[1] + ahead[1]]
             };
-            (!parts.is_empty()).then(|| Arc::new(beside.rows(samples, at)))
+            (unseen.is_some() || swings.is_some()).then(|| Arc::new(beside.rows(samples, at)))
         };
         let elasticity = elasticity(physics);
         if elasticity == self.elasticity {
-            return Ok(rows(own.change(&physics.servos, nominal), &nominal.wind_up));
+            return Ok(rows(own.change(&physics.servos, nominal), &nominal.swings));
         }
         let kept = || self.swings.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, known)) = kept().iter().find(|(of, _)| *of == elasticity) {
@@ -116,7 +118,7 @@ impl About {
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
         let swing = servo_response::response(&plant, commands, &self.predictor.encoders.grid.edges_s())?;
-        let rows = rows(Some(swing.beside(nominal)), &swing.wind_up);
+        let rows = rows(Some(swing.beside(nominal)), &swing.swings);
         kept().push((elasticity, rows.clone()));
         Ok(rows)
     }

@@ -30,7 +30,7 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::servo_response::{self, Elasticity, datagrams, elasticity};
+use crate::servo_response::{self, Elasticity, Swing, datagrams, elasticity};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
@@ -73,7 +73,7 @@ pub struct JointBlock {
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<Present>>>,
     /// How links swing on elastic drives, those that were asked for last.
-    swings: Mutex<Vec<(Vec<Elasticity>, Arc<Vec<Track>>)>>,
+    swings: Mutex<Vec<(Vec<Elasticity>, Arc<Vec<[Track; 2]>>)>>,
     /// The nominal plant.
     plant: Plant,
     measured: Vec<f64>,
@@ -274,8 +274,12 @@ impl JointBlock {
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
         let grid_s: Vec<f64> = self.path.grid_s().collect();
-        let wind_up = servo_response::response(&plant, commands, &grid_s)?.wind_up.unwrap_or_default();
-        let tracks: Arc<Vec<Track>> = Arc::new(wind_up.into_iter().map(|nodes| self.path.track(nodes)).collect());
+        let swings = servo_response::response(&plant, commands, &grid_s)?.swings.unwrap_or_default();
+        let track = |swing: Swing| {
+            let sd = swing.sd.into_iter().map(|[angle, _]| [angle, 0.0, 0.0]).collect();
+            [self.path.track(swing.ahead), self.path.track(sd)]
+        };
+        let tracks: Arc<Vec<[Track; 2]>> = Arc::new(swings.into_iter().map(track).collect());
         let mut kept = kept();
         kept.truncate(KEPT_SWINGS - 1);
         kept.insert(0, (elasticity, tracks.clone()));

@@ -2,7 +2,7 @@
 //! deviations from it stay small however large a fault is.
 
 use crate::joint_telemetry::JointTelemetry;
-use crate::servo_response::{self, ARRIVAL_SD_S, Nodes, Response, datagrams};
+use crate::servo_response::{self, Nodes, Response, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
 use fss_experiments::measured::{Many, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
@@ -156,11 +156,10 @@ impl EncoderPath {
                 let (deviation, variance) = beside.as_ref().map_or(([0.0; 3], [0.0; 3]), |(d, v)| (d[k], v[k]));
                 path.angle[k][joint] = told[0] + deviation[0];
                 path.rate[k][joint] = told[1] + deviation[1];
-                // A link swings as late on its drive as its datagram comes.
-                let swings = path.response.as_ref().and_then(|r| r.wind_up.as_ref());
-                let [_, rate, acceleration] = swings.map_or([0.0; 3], |swings| swings[joint][k]);
-                path.angle_sd[k][joint] = variance[0].sqrt().hypot(ARRIVAL_SD_S * rate);
-                path.rate_sd[k][joint] = variance[1].sqrt().hypot(ARRIVAL_SD_S * acceleration);
+                let swings = path.response.as_ref().and_then(|r| r.swings.as_ref());
+                let swing_sd = swings.map_or([0.0; 2], |swings| swings[joint].sd[k]);
+                path.angle_sd[k][joint] = variance[0].sqrt().hypot(swing_sd[0]);
+                path.rate_sd[k][joint] = variance[1].sqrt().hypot(swing_sd[1]);
             }
             if telemetry.is_none() {
                 let told = edges.iter().map(|t| command(*t)[0]);

@@ -20,10 +20,53 @@ pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
 pub(crate) struct Response {
     /// What each joint's encoder shows.
     pub(crate) nominal: Vec<Nodes>,
-    /// How far each link is ahead of its motor on an elastic drive; `None` where all are rigid.
-    pub(crate) wind_up: Option<Vec<Nodes>>,
+    /// What each link does on its elastic drive; `None` where all are rigid.
+    pub(crate) swings: Option<Vec<Swing>>,
     /// What each joint's servo sees, at the nodes.
     errors: Vec<Vec<Errors>>,
+}
+
+/// What a link does on its elastic drive.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Swing {
+    /// How far it is ahead of its motor, at the nodes.
+    pub(crate) ahead: Nodes,
+    /// How well that is known: standard deviations of angle, rad, and rate, rad/s.
+    pub(crate) sd: Vec<[f64; 2]>,
+}
+
+/// In play a link strikes one flank, then the other. When it does cannot be foretold; its mean over this time can, s.
+const STRIKES_S: f64 = 0.3;
+
+impl Swing {
+    /// Of a simulated motion, on a drive with play or without.
+    fn new(simulated: Nodes, has_play: bool, step_s: f64) -> Self {
+        // A link swings as late as its datagram comes.
+        let late = |[_, rate, acceleration]: [f64; 3]| [ARRIVAL_SD_S * rate.abs(), ARRIVAL_SD_S * acceleration.abs()];
+        if !has_play {
+            return Self { sd: simulated.iter().copied().map(late).collect(), ahead: simulated };
+        }
+        let half = (0.5 * STRIKES_S / step_s).round().max(1.0) as usize;
+        let ahead = means(&simulated, half);
+        let square = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| (a[i] - b[i]).powi(2));
+        let squares: Nodes = simulated.iter().zip(&ahead).map(square).collect();
+        let sd = means(&squares, half).into_iter().map(|[angle, rate, _]| [angle.sqrt(), rate.sqrt()]).collect();
+        Self { ahead, sd }
+    }
+}
+
+/// Means over `half` nodes to either side.
+fn means(nodes: &Nodes, half: usize) -> Nodes {
+    let mut sums = vec![[0.0; 3]];
+    for node in nodes {
+        let last = sums[sums.len() - 1];
+        sums.push(std::array::from_fn(|i| last[i] + node[i]));
+    }
+    let mean = |k: usize| {
+        let (from, to) = (k.saturating_sub(half), (k + half + 1).min(nodes.len()));
+        std::array::from_fn(|i| (sums[to][i] - sums[from][i]) / (to - from) as f64)
+    };
+    (0..nodes.len()).map(mean).collect()
 }
 
 impl Response {
@@ -55,7 +98,7 @@ struct Instant {
     /// Angle, rad, and rate, rad/s, that its encoder shows.
     encoder: [f64; 2],
     /// The same of its link ahead of its motor.
-    wind_up: [f64; 2],
+    ahead: [f64; 2],
     error: Error,
 }
 
@@ -78,10 +121,16 @@ pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
         };
         states.iter().map(joint).collect()
     };
-    let is_elastic = elasticity(&Physics::with(plant, &plant.effects)).iter().any(Elasticity::is_elastic);
+    let drives = elasticity(&Physics::with(plant, &plant.effects));
+    let step_s = grid_s.get(1).zip(grid_s.first()).map_or(1.0, |(b, a)| b - a);
+    let swings = |ahead: Vec<Nodes>| {
+        let drives = ahead.into_iter().zip(&drives);
+        drives.map(|(ahead, drive)| Swing::new(ahead, drive.backlash_rad > 0.0, step_s)).collect()
+    };
+    let is_elastic = drives.iter().any(Elasticity::is_elastic);
     Ok(Response {
         nominal: nodes(&|state| state.encoder),
-        wind_up: is_elastic.then(|| nodes(&|state| state.wind_up)),
+        swings: is_elastic.then(|| swings(nodes(&|state| state.ahead))),
         errors: states.iter().map(|own| errors(&times, own, grid_s)).collect(),
     })
 }
@@ -109,7 +158,7 @@ fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: u
     let (q, qd) = (simulation.encoder_rad(joint), simulation.encoder_rate_rad_s(joint));
     let (link, motor) = (simulation.joint(joint), simulation.motor(joint));
     let own = &simulation.physics().joints[joint];
-    let wind_up = [own.motor_angle(link.0) - motor.0, own.gear_ratio(link.0) * link.1 - motor.1];
+    let ahead = [own.motor_angle(link.0) - motor.0, own.gear_ratio(link.0) * link.1 - motor.1];
     let error = match commands.told(joint, simulation.t_s()) {
         Some(JointCommand::Velocity { qd_rad_s }) => Error { rate_rad_s: qd_rad_s - qd, angle_rad: 0.0 },
         Some(JointCommand::Position { q_rad, qd_rad_s }) => {
@@ -118,7 +167,7 @@ fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: u
         }
         _ => Error::default(),
     };
-    Instant { encoder: [q, qd], wind_up, error }
+    Instant { encoder: [q, qd], ahead, error }
 }
 
 /// The servo of one joint, apart from what others share.

@@ -4,7 +4,6 @@ use super::mechanics::{ArmState, Mechanics};
 use super::path::MeasuredPath;
 use super::rows::{Kind, Row, Slopes, moments};
 use crate::friction::direction;
-use crate::servo_response::ARRIVAL_SD_S;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
 use fss_plant::Plant;
 use nalgebra::{DVector, Matrix3, SMatrix};
@@ -156,9 +155,8 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
                 slopes[k].timing_variance = (0.5 * unit * change[i]).powi(2);
             }
             if let Kind::Tip(_) = rows[k].kind {
-                // A link swings as late on its drive as its datagram comes.
                 let by_angle = slopes[k].motion.iter().filter(|(state, _)| state % 3 == 0);
-                let late = by_angle.map(|(state, c)| c * ARRIVAL_SD_S * mechanics.wind_up_rate(state / 3, t_s));
+                let late = by_angle.map(|(state, c)| c * mechanics.swing_sd(state / 3, t_s));
                 slopes[k].timing_variance = late.map(|v| v * v).sum();
             }
         }

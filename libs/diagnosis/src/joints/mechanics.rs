@@ -50,8 +50,8 @@ pub(super) struct Loads {
 pub(super) enum WindUp<'a> {
     /// By what the drives carry, without swinging.
     OfLoads(&'a Loads),
-    /// As simulated.
-    Simulated(Arc<Vec<Track>>),
+    /// As simulated, and how well that is known.
+    Simulated(Arc<Vec<[Track; 2]>>),
 }
 
 /// The plant with some effects, along the measured path of a run.
@@ -163,7 +163,7 @@ impl<'a> Mechanics<'a> {
                 let stiffness = joint.stiffness_n_m_rad.unwrap_or(physics.servos[i].gear_stiffness_n_m_rad);
                 let [lead, lead_rate] = match &self.wind_up {
                     WindUp::OfLoads(loads) => loads.lead(i, joint, stiffness, t_s, self.path.step_s()),
-                    WindUp::Simulated(tracks) => [0, 1].map(|order| tracks[i].at(t_s)[order]),
+                    WindUp::Simulated(tracks) => [0, 1].map(|order| tracks[i][0].at(t_s)[order]),
                 };
                 link[0] += lead;
                 link[1] += lead_rate;
@@ -174,10 +174,10 @@ impl<'a> Mechanics<'a> {
         arm
     }
 
-    /// Rate of a link beside its motor where it swings on an elastic drive, rad/s.
-    pub(super) fn wind_up_rate(&self, i: usize, t_s: f64) -> f64 {
+    /// Standard deviation of a link's angle where it swings on an elastic drive, rad.
+    pub(super) fn swing_sd(&self, i: usize, t_s: f64) -> f64 {
         match &self.wind_up {
-            WindUp::Simulated(tracks) => tracks[i].at(t_s)[1],
+            WindUp::Simulated(tracks) => tracks[i][1].at(t_s)[0],
             WindUp::OfLoads(_) => 0.0,
         }
     }
