@@ -55,13 +55,16 @@ pub struct BaseBlock {
     nominal: Arc<About>,
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<About>>>,
+    swings: Mutex<Swings>,
 }
+
+/// What the rows change by where drives are elastic otherwise than those that everything is linearized about: these, the others, the
+/// rows. It hardly hangs on what else acts.
+type Swings = Vec<([Vec<Elasticity>; 2], Option<Arc<Vec<f64>>>)>;
 
 /// A plant, its effects, and what is linearized about them.
 struct About {
     elasticity: Vec<Elasticity>,
-    /// What the rows change by with drives that are elastic otherwise than the plant's.
-    swings: Mutex<Vec<(Vec<Elasticity>, Option<Arc<Vec<f64>>>)>>,
     /// The drives with which the joints' path was computed, and what joints' motion beside it changes; `None` without datagrams.
     drives: Option<(ClosedLoop, JointMotion)>,
     predictor: Predictor,
@@ -83,7 +86,7 @@ impl About {
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
         let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
         let drives = closed_loop(&predictor, &physics)?.map(|own| (own, beside));
-        Ok(Self { elasticity: elasticity(&physics), swings: Mutex::default(), drives, predictor, noise })
+        Ok(Self { elasticity: elasticity(&physics), drives, predictor, noise })
     }
 
     /// What the rows change by where links swing on their motors, and where these move otherwise than with this plant's servos and
@@ -93,6 +96,7 @@ impl About {
         (plant, effects): (&Plant, &[Effect]),
         physics: &Physics,
         (samples, commands): (&Samples, Option<&Commands>),
+        swings: &Mutex<Swings>,
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let (Some((own, beside)), Some(commands)) = (&self.drives, commands) else { return Ok(None) };
         let Some(nominal) = &self.predictor.encoders.response else { return Ok(None) };
@@ -112,14 +116,15 @@ impl About {
         if elasticity == self.elasticity {
             return Ok(rows(own.change(&physics.servos, nominal), &nominal.swings));
         }
-        let kept = || self.swings.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = kept().iter().find(|(of, _)| *of == elasticity) {
+        let drives = [self.elasticity.clone(), elasticity];
+        let kept = || swings.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = kept().iter().find(|(of, _)| *of == drives) {
             return Ok(known.clone());
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
         let swing = servo_response::response(&plant, commands, &self.predictor.encoders.grid.edges_s())?;
         let rows = rows(Some(swing.beside(nominal)), &swing.swings);
-        kept().push((elasticity, rows.clone()));
+        kept().push((drives, rows.clone()));
         Ok(rows)
     }
 }
@@ -150,7 +155,15 @@ impl BaseBlock {
         let nominal = Arc::new(About::new(plant, (run, &samples, &pose), encoders)?);
         // What was sampled of the base is in `samples`.
         let run = Run { base_pose: None, ee_pose: None, gyro: None, ..run.clone() };
-        Ok(Some(Self { samples, pose, run, plant: plant.clone(), nominal, present: Mutex::new(None) }))
+        Ok(Some(Self {
+            samples,
+            pose,
+            run,
+            plant: plant.clone(),
+            nominal,
+            present: Mutex::new(None),
+            swings: Mutex::default(),
+        }))
     }
 
     fn present(&self) -> MutexGuard<'_, Option<Arc<About>>> {
@@ -204,7 +217,7 @@ impl Block for BaseBlock {
         let motion = about.predictor.motion(plant, effects)?;
         let mut rows = self.samples.read(&motion);
         let records = (&self.samples, datagrams(plant, &self.run));
-        if let Some(change) = about.answer((plant, effects), &motion.physics, records)? {
+        if let Some(change) = about.answer((plant, effects), &motion.physics, records, &self.swings)? {
             rows.iter_mut().zip(change.iter()).for_each(|(v, c)| *v += c);
         }
         Ok(rows)

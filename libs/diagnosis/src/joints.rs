@@ -54,6 +54,9 @@ const ACTIVITY_S: f64 = 0.3;
 /// Fewer moments than this cannot hold an initial state and say anything.
 const FEWEST_MOMENTS: usize = 4;
 
+/// How far each link is ahead of its motor, and how well that is known.
+type Swings = Vec<[Track; 2]>;
+
 /// So many simulations of elastic drives are kept: those of what is present and of what it is compared with.
 const KEPT_SWINGS: usize = 4;
 
@@ -73,7 +76,7 @@ pub struct JointBlock {
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<Present>>>,
     /// How links swing on elastic drives, those that were asked for last.
-    swings: Mutex<Vec<(Vec<Elasticity>, Arc<Vec<[Track; 2]>>)>>,
+    swings: Mutex<Vec<(Vec<Elasticity>, Arc<Swings>)>>,
     /// The nominal plant.
     plant: Plant,
     measured: Vec<f64>,
@@ -279,7 +282,7 @@ impl JointBlock {
             let sd = swing.sd.into_iter().map(|[angle, _]| [angle, 0.0, 0.0]).collect();
             [self.path.track(swing.ahead), self.path.track(sd)]
         };
-        let tracks: Arc<Vec<[Track; 2]>> = Arc::new(swings.into_iter().map(track).collect());
+        let tracks: Arc<Swings> = Arc::new(swings.into_iter().map(track).collect());
         let mut kept = kept();
         kept.truncate(KEPT_SWINGS - 1);
         kept.insert(0, (elasticity, tracks.clone()));
@@ -310,12 +313,11 @@ impl Block for JointBlock {
 
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let known = self.present().clone();
-        let present = match known {
-            Some(present) => present,
-            None => {
-                let about = Arc::new(self.about(plant, effects)?);
-                self.present().get_or_insert(about).clone()
-            }
+        let present = if let Some(present) = known {
+            present
+        } else {
+            let about = Arc::new(self.about(plant, effects)?);
+            self.present().get_or_insert(about).clone()
         };
         let path = present.path.as_ref().unwrap_or(&self.path);
         let parts = (&self.run, path, self.wind_up((plant, effects), &present)?);

@@ -27,6 +27,7 @@ mod friction;
 mod gram;
 mod joint_telemetry;
 pub mod joints;
+mod linearized;
 mod misfit;
 mod path;
 mod problem;

@@ -4,6 +4,7 @@ use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, Records, candidates};
 use crate::joints::joint_block;
+pub(crate) use crate::linearized::{Kept, Linearized, Slope};
 use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
 use crate::uncertain::{Uncertain, uncertain};
@@ -61,31 +62,6 @@ pub(crate) struct Problem {
     pub(crate) family_of: Vec<usize>,
     /// Deviation of each parameter's spike.
     pub(crate) spikes: Vec<f64>,
-}
-
-/// How the columns of a present cause are taken.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Slope {
-    /// Through its absence: absent and present are both exact.
-    Secant,
-    /// At its present value, for estimating this.
-    Tangent,
-}
-
-/// What of earlier columns stays as it is where it is not asked for anew.
-pub(crate) enum Kept {
-    Nothing,
-    /// Columns of causes.
-    Causes(Linearized),
-    /// Those of uncertain values, too: they hardly hang on a small change of the model.
-    All(Linearized),
-}
-
-/// Columns of every block about a model: the data, then every parameter.
-pub(crate) struct Linearized {
-    pub(crate) columns: Vec<Vec<Vec<f64>>>,
-    /// Size of each parameter in the model, which may vary from run to run.
-    pub(crate) size: Vec<f64>,
 }
 
 /// The blocks of all runs. A family has one noise model: what does not share it with the first of its family is left out.

@@ -175,16 +175,10 @@ impl Search<'_> {
                 let kept = Kept::All(self.problem.of_uncertain(about));
                 let linearized = self.problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), kept)?;
                 let point = self.point(&linearized, hyper, &parameters, &GramCache::default());
-                let own = position[self.problem.first[present[at]]];
-                let here = |s: &Slab| match Some(s.parameter) == own {
-                    true => Slab {
-                        mean: coordinate,
-                        sd: prior.spike[0],
-                        bounds: [f64::NEG_INFINITY, f64::INFINITY],
-                        ..s.clone()
-                    },
-                    false => s.clone(),
-                };
+                let Some(own) = position[self.problem.first[present[at]]] else { return Ok(f64::NEG_INFINITY) };
+                let free = [f64::NEG_INFINITY, f64::INFINITY];
+                let given = Slab { parameter: own, mean: coordinate, sd: prior.spike[0], bounds: free };
+                let here = |s: &Slab| if s.parameter == own { given } else { *s };
                 let here: Vec<Slab> = slabs.iter().map(here).collect();
                 let posterior = point.and_then(|point| point.posterior.of_set(&here));
                 let value = posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence);

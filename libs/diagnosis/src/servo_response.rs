@@ -1,16 +1,19 @@
 //! What servos make of the datagrams that command them.
 //!
 //! Between two datagrams a servo settles within some hundredths of a second, which telemetry does not show, but a floating base does. So
-//! the motion is taken from a simulation of the servos; [`closed_loop`] tells what other gains would make of it.
+//! the motion is taken from a simulation of the servos; [`closed_loop`] tells what other gains would make of it, [`swing`] what links do on
+//! elastic drives.
 
 mod closed_loop;
+mod swing;
 
 pub(crate) use closed_loop::{ClosedLoop, Nodes};
 use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, JointCommand, JointPhysics, Physics, Place, Plant, Servo, Simulation};
+use fss_plant::{Effect, JointCommand, Physics, Place, Plant, Servo, Simulation};
+pub(crate) use swing::{Elasticity, Swing, elasticity};
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
 pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
@@ -24,49 +27,6 @@ pub(crate) struct Response {
     pub(crate) swings: Option<Vec<Swing>>,
     /// What each joint's servo sees, at the nodes.
     errors: Vec<Vec<Errors>>,
-}
-
-/// What a link does on its elastic drive.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Swing {
-    /// How far it is ahead of its motor, at the nodes.
-    pub(crate) ahead: Nodes,
-    /// How well that is known: standard deviations of angle, rad, and rate, rad/s.
-    pub(crate) sd: Vec<[f64; 2]>,
-}
-
-/// In play a link strikes one flank, then the other. When it does cannot be foretold; its mean over this time can, s.
-const STRIKES_S: f64 = 0.3;
-
-impl Swing {
-    /// Of a simulated motion, on a drive with play or without.
-    fn new(simulated: Nodes, has_play: bool, step_s: f64) -> Self {
-        // A link swings as late as its datagram comes.
-        let late = |[_, rate, acceleration]: [f64; 3]| [ARRIVAL_SD_S * rate.abs(), ARRIVAL_SD_S * acceleration.abs()];
-        if !has_play {
-            return Self { sd: simulated.iter().copied().map(late).collect(), ahead: simulated };
-        }
-        let half = (0.5 * STRIKES_S / step_s).round().max(1.0) as usize;
-        let ahead = means(&simulated, half);
-        let square = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| (a[i] - b[i]).powi(2));
-        let squares: Nodes = simulated.iter().zip(&ahead).map(square).collect();
-        let sd = means(&squares, half).into_iter().map(|[angle, rate, _]| [angle.sqrt(), rate.sqrt()]).collect();
-        Self { ahead, sd }
-    }
-}
-
-/// Means over `half` nodes to either side.
-fn means(nodes: &Nodes, half: usize) -> Nodes {
-    let mut sums = vec![[0.0; 3]];
-    for node in nodes {
-        let last = sums[sums.len() - 1];
-        sums.push(std::array::from_fn(|i| last[i] + node[i]));
-    }
-    let mean = |k: usize| {
-        let (from, to) = (k.saturating_sub(half), (k + half + 1).min(nodes.len()));
-        std::array::from_fn(|i| (sums[to][i] - sums[from][i]) / (to - from) as f64)
-    };
-    (0..nodes.len()).map(mean).collect()
 }
 
 impl Response {
@@ -125,7 +85,7 @@ pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
     let step_s = grid_s.get(1).zip(grid_s.first()).map_or(1.0, |(b, a)| b - a);
     let swings = |ahead: Vec<Nodes>| {
         let drives = ahead.into_iter().zip(&drives);
-        drives.map(|(ahead, drive)| Swing::new(ahead, drive.backlash_rad > 0.0, step_s)).collect()
+        drives.map(|(ahead, drive)| Swing::new(ahead, drive, step_s)).collect()
     };
     let is_elastic = drives.iter().any(Elasticity::is_elastic);
     Ok(Response {
@@ -133,25 +93,6 @@ pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
         swings: is_elastic.then(|| swings(nodes(&|state| state.ahead))),
         errors: states.iter().map(|own| errors(&times, own, grid_s)).collect(),
     })
-}
-
-/// What lets a link move beside its motor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Elasticity {
-    stiffness_n_m_rad: Option<f64>,
-    backlash_rad: f64,
-}
-
-impl Elasticity {
-    pub(crate) fn is_elastic(&self) -> bool {
-        self.stiffness_n_m_rad.is_some() || self.backlash_rad > 0.0
-    }
-}
-
-/// Of each drive.
-pub(crate) fn elasticity(physics: &Physics) -> Vec<Elasticity> {
-    let of = |j: &JointPhysics| Elasticity { stiffness_n_m_rad: j.stiffness_n_m_rad, backlash_rad: j.backlash_rad };
-    physics.joints.iter().map(of).collect()
 }
 
 fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: usize) -> Instant {

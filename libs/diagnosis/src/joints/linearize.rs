@@ -156,8 +156,7 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
             }
             if let Kind::Tip(_) = rows[k].kind {
                 let by_angle = slopes[k].motion.iter().filter(|(state, _)| state % 3 == 0);
-                let late = by_angle.map(|(state, c)| c * mechanics.swing_sd(state / 3, t_s));
-                slopes[k].timing_variance = late.map(|v| v * v).sum();
+                slopes[k].timing_variance = by_angle.map(|(s, c)| (c * mechanics.swing_sd(s / 3, t_s)).powi(2)).sum();
             }
         }
     }
