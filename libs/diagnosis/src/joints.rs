@@ -18,6 +18,7 @@
 //! Everything is linearized about the smoothed path. [`JointBlock`]'s prediction is that linearization taken back to the
 //! command, so that the filter's states are deviations from what does not depend on the measured noise.
 
+mod driven;
 mod hyper;
 mod linearization;
 mod linearize;
@@ -31,13 +32,13 @@ mod track;
 
 use crate::block::{Block, HyperParameter};
 use crate::servo_response::{self, Elasticity, Swing, datagrams, elasticity};
+use driven::Anchor;
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Physics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
-use linearize::Anchor;
 use mechanics::{Loads, Mechanics, NominalThrust, WindUp};
 use noise::NoiseModel;
 use path::MeasuredPath;
@@ -119,11 +120,11 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
         row.value -= TAU * ((row.value - nominal) / TAU).round();
     }
     let model = noise_model(plant, run, &path, &rows);
-    let anchors = model.driven.then(|| linearize::anchors(&mechanics, &path, &rows, &nominal));
+    let anchors = model.driven.then(|| driven::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
     let mut nominal = Linearization::new(plant, &mechanics, parts, &model)?;
     if let Some(anchors) = &anchors {
-        linearize::add_rotors_and_encoders(&path, &rows, anchors, &mut nominal.model.slopes);
+        driven::add_rotors_and_encoders(&path, &rows, anchors, &mut nominal.model.slopes);
     }
     let mut block = JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), nominal);
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
@@ -324,7 +325,7 @@ impl Block for JointBlock {
         let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
         let about = present.linearization.as_ref().unwrap_or(&self.nominal);
         let mut out = match &self.anchors {
-            Some(anchors) => linearize::predict_driven(&mechanics, path, &self.rows, anchors),
+            Some(anchors) => driven::predict_driven(&mechanics, path, &self.rows, anchors),
             None => linearize::predict(&mechanics, path, &self.rows),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);

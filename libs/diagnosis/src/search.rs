@@ -4,15 +4,15 @@
 //! look alike; a cause shows at the strength that it leaves. So the sets are compared on a ladder of strengths, the best set's
 //! hyper-parameters are optimized, everything is linearized anew about it, until set and values stand still.
 
+mod estimate;
 mod hyper;
 mod sets;
 mod shortlist;
 mod space;
 mod wiring;
 
-use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Present, Problem, Slope, is_same};
-use fss_estimation::evidence::{SetPosterior, Slab};
+use crate::problem::{Kept, Linearized, Present, Problem, Slope};
+use fss_estimation::evidence::SetPosterior;
 use fss_multibody::ModelError;
 use fss_plant::Response;
 use hyper::PROMISING;
@@ -25,10 +25,6 @@ pub(crate) use wiring::{Rewired, rewired};
 
 /// Rounds of search, optimization and linearization at the most.
 const ROUNDS: usize = 14;
-/// Steps of estimation about one set at the most.
-const POLISHED: usize = 6;
-/// A spring's octave is scanned in so many steps to either side, each a twentieth of a swing's frequency.
-const SCANNED: i32 = 4;
 /// A change of a coordinate below this share of its deviation stands still.
 const STANDS_STILL: f64 = 0.5;
 /// So often at the most a set is linearized about its values without another set being better.
@@ -145,82 +141,6 @@ impl Search<'_> {
             self.identical.extend(alike.into_iter().map(|(other, at)| ((own.min(other), own.max(other)), (other, at))));
         }
         Ok(())
-    }
-
-    /// The estimate of a set, stiffnesses that the model before does not have at their likeliest: what swings on a spring tells its
-    /// frequency, so that the likelihood has many maxima.
-    fn scanned(
-        &self,
-        about: &Linearized,
-        (before, mut model): (&[Present], Vec<Present>),
-        set: &Found,
-        hyper: &[f64],
-    ) -> Result<Vec<Present>, ModelError> {
-        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-        let (parameters, position) = self.parameters_with(&present);
-        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
-        let is_scanned = |c: usize| self.problem.candidates[c].prior.response == Response::Inverse;
-        for at in (0..model.len()).filter(|i| is_scanned(present[*i])) {
-            let is_same = |p: &&Present| {
-                is_same(&self.problem.candidates[p.candidate].nominal, &self.problem.candidates[present[at]].nominal)
-            };
-            if let Some(known) = before.iter().find(is_same) {
-                model[at].coordinates.clone_from(&known.coordinates);
-                continue;
-            }
-            let prior = &self.problem.candidates[present[at]].prior;
-            let value = |coordinate: f64| -> Result<f64, ModelError> {
-                let mut model = model.clone();
-                model[at].coordinates[0] = coordinate;
-                let kept = Kept::All(self.problem.of_uncertain(about));
-                let linearized = self.problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), kept)?;
-                let point = self.point(&linearized, hyper, &parameters, &GramCache::default());
-                let Some(own) = position[self.problem.first[present[at]]] else { return Ok(f64::NEG_INFINITY) };
-                let free = [f64::NEG_INFINITY, f64::INFINITY];
-                let given = Slab { parameter: own, mean: coordinate, sd: prior.spike[0], bounds: free };
-                let here = |s: &Slab| if s.parameter == own { given } else { *s };
-                let here: Vec<Slab> = slabs.iter().map(here).collect();
-                let posterior = point.and_then(|point| point.posterior.of_set(&here));
-                let value = posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence);
-                Ok(value)
-            };
-            let mut best = (f64::NEG_INFINITY, self.problem.candidates[present[at]].probe(0));
-            let octave = (-SCANNED..=SCANNED).map(|k| best.1 * 2.0_f64.powf(0.5 * f64::from(k) / f64::from(SCANNED)));
-            for coordinate in octave.collect::<Vec<_>>() {
-                let found = (value(coordinate)?, coordinate);
-                best = if found.0 > best.0 { found } else { best };
-            }
-            model[at].coordinates[0] = best.1;
-        }
-        Ok(model)
-    }
-
-    /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves, with the columns that
-    /// uncertain values have `about` a model near it.
-    fn polished(
-        &self,
-        about: &Linearized,
-        mut model: Vec<Present>,
-        set: &Found,
-        hyper: &[f64],
-    ) -> Result<Vec<Present>, ModelError> {
-        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-        let (parameters, position) = self.parameters_with(&present);
-        let Some(slabs) = self.slabs(&set.causes, &set.classes, &position) else { return Ok(model) };
-        let steps = if present.is_empty() { 0 } else { POLISHED };
-        for _ in 0..steps {
-            let kept = Kept::All(self.problem.of_uncertain(about));
-            let linearized = self.problem.linearized(&model, Slope::Tangent, &|c, _| present.contains(&c), kept)?;
-            let Some(point) = self.point(&linearized, hyper, &parameters, &GramCache::default()) else { break };
-            let Some(posterior) = point.posterior.of_set(&slabs) else { break };
-            let (now, deviations) = self.presented(set, &posterior);
-            let still = Self::stands_still(&model, &now, &deviations);
-            model = now;
-            if still {
-                break;
-            }
-        }
-        Ok(model)
     }
 
     /// Posterior means of the uncertain values with a set, in stated standard deviations.

@@ -3,7 +3,7 @@
 
 mod flights;
 
-use flights::{Truth, flights, plant};
+use flights::{Truth, flights, flights_with_borrowed_commands, flights_with_early_commands, plant};
 use fss_diagnosis::diagnose;
 use fss_diagnosis::diagnosis::Verdict;
 use fss_plant::Uncertainty;
@@ -62,21 +62,14 @@ fn waves_of_the_table_that_no_effect_describes_are_called_unexplained() {
 
 #[test]
 fn commands_of_another_run_are_told_from_weak_thrusters() {
-    let mut runs = flights(Truth::default());
-    let borrowed = runs[2].thrust_levels.clone();
-    runs[1].thrust_levels = borrowed;
-    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    let found = diagnose(&plant(), &flights_with_borrowed_commands(), &[], &|_| ()).unwrap();
     assert!(found.causes.is_empty(), "{:?}", found.causes);
     assert_eq!(found.verdict, Verdict::Unexplained);
 }
 
 #[test]
 fn commands_by_a_clock_that_is_off_are_told() {
-    let mut runs = flights(Truth::default());
-    for run in &mut runs {
-        run.thrust_levels.iter_mut().for_each(|(t_s, _)| *t_s -= 1.4);
-    }
-    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    let found = diagnose(&plant(), &flights_with_early_commands(), &[], &|_| ()).unwrap();
     assert!(found.causes.iter().all(|c| c.effect.id() == "clock_offset"), "{:?}", found.causes);
     assert!(found.verdict != Verdict::Consistent, "{:?}", found.remarks);
 }

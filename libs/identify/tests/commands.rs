@@ -4,16 +4,13 @@
 #[path = "../../diagnosis/tests/flights/mod.rs"]
 mod flights;
 
-use flights::{Truth, flights, plant};
+use flights::{flights_with_borrowed_commands, flights_with_early_commands, plant};
 use fss_diagnosis::diagnosis::Verdict;
 use fss_identify::diagnosis::diagnose;
 
 #[test]
 fn commands_of_another_run_are_told_from_weak_thrusters() {
-    let mut runs = flights(Truth::default());
-    let borrowed = runs[2].thrust_levels.clone();
-    runs[1].thrust_levels = borrowed;
-    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    let found = diagnose(&plant(), &flights_with_borrowed_commands(), &[], &|_| ()).unwrap();
     assert!(found.causes.is_empty(), "{:?}", found.causes);
     let [mismatch] = &found.input_mismatch[..] else { panic!("{:?}", found.input_mismatch) };
     assert_eq!(mismatch.run, "run-1");
@@ -22,11 +19,7 @@ fn commands_of_another_run_are_told_from_weak_thrusters() {
 
 #[test]
 fn commands_by_a_clock_that_is_off_are_told_and_by_how_much() {
-    let mut runs = flights(Truth::default());
-    for run in &mut runs {
-        run.thrust_levels.iter_mut().for_each(|(t_s, _)| *t_s -= 1.4);
-    }
-    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    let found = diagnose(&plant(), &flights_with_early_commands(), &[], &|_| ()).unwrap();
     assert!(found.causes.iter().all(|c| c.effect.id() == "clock_offset"), "{:?}", found.causes);
     for mismatch in &found.input_mismatch {
         assert!(mismatch.why.contains("1.40 s later"), "{mismatch:?}");

@@ -84,3 +84,20 @@ pub(crate) fn flights(truth: Truth) -> Vec<Run> {
     println!("seed {SEED}");
     (0..3).map(|k| flight(&format!("run-{k}"), truth, SEED + k)).collect()
 }
+
+/// Flights of which the second has the commands of the third.
+pub(crate) fn flights_with_borrowed_commands() -> Vec<Run> {
+    let mut runs = flights(Truth::default());
+    let borrowed = runs[2].thrust_levels.clone();
+    runs[1].thrust_levels = borrowed;
+    runs
+}
+
+/// Flights whose commands have stamps of a clock that is 1.4 s behind.
+pub(crate) fn flights_with_early_commands() -> Vec<Run> {
+    let mut runs = flights(Truth::default());
+    for run in &mut runs {
+        run.thrust_levels.iter_mut().for_each(|(t_s, _)| *t_s -= 1.4);
+    }
+    runs
+}

@@ -1,0 +1,116 @@
+//! The estimate of a set of causes: where its stiffnesses are likeliest, then Gauss-Newton steps.
+
+use super::space::{Found, HyperPoint, Search};
+use crate::gram::GramCache;
+use crate::problem::{Kept, Linearized, Present, Slope, is_same};
+use fss_estimation::evidence::Slab;
+use fss_multibody::ModelError;
+use fss_plant::Response;
+
+/// Steps of estimation about one set at the most.
+const POLISHED: usize = 6;
+/// A spring's octave is scanned in so many steps to either side, each a twentieth of a swing's frequency.
+const SCANNED: i32 = 4;
+
+/// What it takes to linearize about a set of causes, and their priors.
+struct ColumnsOfSet<'a> {
+    search: &'a Search<'a>,
+    /// Columns of the uncertain values.
+    uncertain: Linearized,
+    present: Vec<usize>,
+    parameters: Vec<usize>,
+    position: Vec<Option<usize>>,
+    slabs: Vec<Slab>,
+}
+
+impl ColumnsOfSet<'_> {
+    /// Everything that follows from the data, about a model of these causes.
+    fn point(&self, model: &[Present], slope: Slope, hyper: &[f64]) -> Result<Option<HyperPoint>, ModelError> {
+        let problem = self.search.problem;
+        let kept = Kept::All(problem.of_uncertain(&self.uncertain));
+        let linearized = problem.linearized(model, slope, &|c, _| self.present.contains(&c), kept)?;
+        Ok(self.search.point(&linearized, hyper, &self.parameters, &GramCache::default()))
+    }
+
+    /// The logarithm of the marginal likelihood, the first coordinate of one cause as it is in the model.
+    fn log_evidence_given(&self, model: &[Present], at: usize, hyper: &[f64]) -> Result<f64, ModelError> {
+        let (own, problem) = (&model[at], self.search.problem);
+        let known = |s: &Slab| {
+            if Some(s.parameter) != self.position[problem.first[own.candidate]] {
+                return *s;
+            }
+            let sd = problem.candidates[own.candidate].prior.spike[0];
+            Slab { mean: own.coordinates[0], sd, bounds: [f64::NEG_INFINITY, f64::INFINITY], ..*s }
+        };
+        let slabs: Vec<Slab> = self.slabs.iter().map(known).collect();
+        let posterior = self.point(model, Slope::Secant, hyper)?.and_then(|point| point.posterior.of_set(&slabs));
+        Ok(posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence))
+    }
+}
+
+impl Search<'_> {
+    fn columns_of<'a>(&'a self, about: &Linearized, set: &Found, model: &[Present]) -> Option<ColumnsOfSet<'a>> {
+        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
+        let (parameters, position) = self.parameters_with(&present);
+        let slabs = self.slabs(&set.causes, &set.classes, &position)?;
+        let uncertain = self.problem.of_uncertain(about);
+        Some(ColumnsOfSet { search: self, uncertain, present, parameters, position, slabs })
+    }
+
+    /// The estimate of a set, stiffnesses that the model before does not have at their likeliest: what swings on a spring tells its
+    /// frequency, so that the likelihood has many maxima.
+    pub(super) fn scanned(
+        &self,
+        about: &Linearized,
+        (before, mut model): (&[Present], Vec<Present>),
+        set: &Found,
+        hyper: &[f64],
+    ) -> Result<Vec<Present>, ModelError> {
+        let Some(columns) = self.columns_of(about, set, &model) else { return Ok(model) };
+        for at in 0..model.len() {
+            let own = &self.problem.candidates[model[at].candidate];
+            if own.prior.response != Response::Inverse {
+                continue;
+            }
+            let is_same = |p: &&Present| is_same(&self.problem.candidates[p.candidate].nominal, &own.nominal);
+            if let Some(known) = before.iter().find(is_same) {
+                model[at].coordinates.clone_from(&known.coordinates);
+                continue;
+            }
+            let mut best = (f64::NEG_INFINITY, own.probe(0));
+            let octave =
+                (-SCANNED..=SCANNED).map(|k| own.probe(0) * 2.0_f64.powf(0.5 * f64::from(k) / f64::from(SCANNED)));
+            for coordinate in octave {
+                model[at].coordinates[0] = coordinate;
+                let value = columns.log_evidence_given(&model, at, hyper)?;
+                best = if value > best.0 { (value, coordinate) } else { best };
+            }
+            model[at].coordinates[0] = best.1;
+        }
+        Ok(model)
+    }
+
+    /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves, with the columns that
+    /// uncertain values have `about` a model near it.
+    pub(super) fn polished(
+        &self,
+        about: &Linearized,
+        mut model: Vec<Present>,
+        set: &Found,
+        hyper: &[f64],
+    ) -> Result<Vec<Present>, ModelError> {
+        let Some(columns) = self.columns_of(about, set, &model) else { return Ok(model) };
+        let steps = if model.is_empty() { 0 } else { POLISHED };
+        for _ in 0..steps {
+            let Some(point) = columns.point(&model, Slope::Tangent, hyper)? else { break };
+            let Some(posterior) = point.posterior.of_set(&columns.slabs) else { break };
+            let (now, deviations) = self.presented(set, &posterior);
+            let still = Self::stands_still(&model, &now, &deviations);
+            model = now;
+            if still {
+                break;
+            }
+        }
+        Ok(model)
+    }
+}
