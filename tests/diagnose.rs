@@ -64,20 +64,6 @@ fn another_engines_coasting_base_is_simulated_to_its_noise() {
 }
 
 #[test]
-fn the_windowed_engine_reads_logs_of_floating_bases_only() {
-    let out = tempfile::tempdir().unwrap();
-    let (run, plant) = (data("dev-clean/run-1-coast"), data("dev-clean/plant.toml"));
-    let clamped = out.path().join("clamped.toml");
-    let floating = std::fs::read_to_string(&plant).unwrap();
-    std::fs::write(&clamped, floating.replacen("[base]", "[base]\nclamped = true", 1)).unwrap();
-    for (plant, why) in [(plant, "not all of the runs are logs"), (clamped, "clamped")] {
-        let [run, plant, out] = [&run, &plant, out.path()].map(|path| path.to_str().unwrap());
-        let args = ["diagnose", run, "--plant", plant, "--out", out, "--engine", "windowed"];
-        common::refused(&args, &["logs of `fss run` of floating bases", why]);
-    }
-}
-
-#[test]
 fn a_tilted_table_stands_out_where_it_acts_and_is_named() {
     let diagnosis = diagnose(&data("dev-tilt"));
     assert!(of(&diagnosis, "base_x", "ratio").all(|(_, r)| r > 4.0));

@@ -1,7 +1,6 @@
 //! `fss diagnose`: where the simulation is wrong, what causes it, and what knowing it is worth.
 
 pub mod answer;
-mod engine;
 pub mod log;
 mod page;
 pub mod runs;
@@ -9,7 +8,7 @@ mod summary;
 
 use answer::Answer;
 use clap::Args;
-use engine::{Engine, diagnose};
+use fss_diagnosis::diagnose;
 use fss_diagnosis::diagnosis::Diagnosis;
 use fss_experiments::measured::Run;
 use fss_launcher::files::{TextFile, write};
@@ -42,9 +41,6 @@ pub struct DiagnoseArgs {
     /// Write the answer as JSON here too.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// How causes are compared.
-    #[arg(long, value_enum, default_value_t)]
-    engine: Engine,
 }
 
 /// Runs the command.
@@ -66,8 +62,7 @@ fn found(args: &DiagnoseArgs, say: &(dyn Fn(&str) + Sync)) -> Result<(Diagnosis,
     let plant = Plant::parse(&file.text).map_err(|e| file.error(e.message, e.help, Some(e.span)))?;
     let fitted = runs::read(&args.runs, &plant)?;
     let validation = runs::read(&args.validate, &plant)?;
-    let of_logs = args.runs.iter().chain(&args.validate).all(|run| log::log_of(run).is_some());
-    let diagnosis = diagnose((args.engine, of_logs), &plant, &fitted, &validation, say)?;
+    let diagnosis = diagnose(&plant, &fitted, &validation, say).into_diagnostic()?;
     if diagnosis.before.is_empty() && diagnosis.validation_before.is_empty() {
         return Err(nothing_to_simulate(&fitted));
     }

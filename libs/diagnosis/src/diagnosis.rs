@@ -141,17 +141,6 @@ pub struct Gain {
     pub after: f64,
 }
 
-/// What a windowed fit leaves, where it leaves more than noise.
-#[derive(Clone, Debug, Default)]
-pub struct Remainder {
-    /// Mean square over the noise.
-    pub mean_square: f64,
-    /// Channel and run with the largest share.
-    pub worst: Option<(String, String)>,
-    /// What it depends on, with the share that this would explain.
-    pub depends_on: Vec<(String, f64)>,
-}
-
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
@@ -173,8 +162,6 @@ pub struct Diagnosis {
     pub inclusion: Vec<(Effect, f64)>,
     /// Strengths of the structured discrepancy.
     pub discrepancy: Vec<Discrepancy>,
-    /// What is left of windows, where these were fitted.
-    pub remainder: Option<Remainder>,
     /// Share of its typical size by which a cause varies from run to run.
     pub run_to_run: f64,
     /// Misfit of the runs with the plant as given.

@@ -2,7 +2,7 @@
 
 use crate::series::Many;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, JointCommand, Plant, Servo, Simulation};
+use fss_plant::{JointCommand, Plant, Simulation};
 
 /// A link goes on at a command's rate for this long, s.
 const MOVE_ON_S: f64 = 0.4;
@@ -10,35 +10,6 @@ const MOVE_ON_S: f64 = 0.4;
 const STEP_S: f64 = 1e-3;
 /// Between the rows of the joints' motion, in such steps.
 const ROW_STEPS: usize = 10;
-/// The same where links swing on their drives, which is simulated often.
-const SWING_STEP_S: f64 = 2e-3;
-const SWING_ROW_STEPS: usize = 3;
-/// A driver that undoes more than this share of its motor's error of rate within a step is looked at every `STEP_S`.
-const HASTY: f64 = 1.5;
-
-/// How motors, and links on elastic drives, carry out commands.
-#[derive(Clone, Debug, Default)]
-pub struct CarriedOut {
-    /// Motor angles, rad.
-    pub motor: Many,
-    /// Link angles, rad.
-    pub link: Many,
-    /// Their rates, rad/s.
-    pub link_rate: Many,
-}
-
-impl CarriedOut {
-    /// The sum of several, each times its weight, at the times of the first.
-    pub fn mixed(parts: &[(f64, &Self)]) -> Self {
-        let mix = |series: fn(&Self) -> &Many| {
-            let t_s = parts.first().map_or_else(Vec::new, |(_, part)| series(part).t_s.clone());
-            let joints = parts.first().map_or(0, |(_, part)| series(part).values.len());
-            let value = |i: usize, k: usize| parts.iter().map(|(w, part)| w * series(part).values[i][k]).sum();
-            Many { values: (0..joints).map(|i| (0..t_s.len()).map(|k| value(i, k)).collect()).collect(), t_s }
-        };
-        Self { motor: mix(|p| &p.motor), link: mix(|p| &p.link), link_rate: mix(|p| &p.link_rate) }
-    }
-}
 
 /// What was commanded in a flight, and from where it began.
 #[derive(Clone, Debug, Default)]
@@ -53,8 +24,6 @@ pub struct Commands {
     pub valves: Vec<(f64, Vec<bool>)>,
     /// When the flight ended, s.
     pub end_s: f64,
-    /// Effects that a plant which carries them out has beside its own: masses that were found.
-    pub beside: Vec<Effect>,
 }
 
 impl Commands {
@@ -70,24 +39,17 @@ impl Commands {
     ///
     /// # Errors
     /// When effects make a mass or an inertia impossible.
-    pub fn play(&self, plant: &Plant, seed: u64, every: usize, see: impl FnMut(&Simulation)) -> Result<(), ModelError> {
-        self.play_in_steps(STEP_S, plant, seed, every, see)
-    }
-
-    fn play_in_steps(
+    pub fn play(
         &self,
-        step_s: f64,
         plant: &Plant,
         seed: u64,
         every: usize,
         mut see: impl FnMut(&Simulation),
     ) -> Result<(), ModelError> {
-        let is_known = |e: &&Effect| plant.effects.iter().any(|own| own.id() == e.id() && own.index() == e.index());
-        let news: Vec<Effect> = self.beside.iter().filter(|e| !is_known(e)).cloned().collect();
-        let mut simulation = Simulation::new(&plant.with_effects(&news), seed)?.in_steps_of(step_s);
+        let mut simulation = Simulation::new(plant, seed)?;
         simulation.set_state(self.pose, [0.0; 3], &self.q_rad, &[]);
         let mut opened = 0;
-        for step in 0..=(self.end_s / step_s) as usize {
+        for step in 0..=(self.end_s / STEP_S) as usize {
             if step % every.max(1) == 0 {
                 see(&simulation);
             }
@@ -101,7 +63,7 @@ impl Commands {
                 simulation.set_valves(open);
                 opened += 1;
             }
-            simulation.step(step_s);
+            simulation.step(STEP_S);
         }
         Ok(())
     }
@@ -117,32 +79,6 @@ impl Commands {
             out.t_s.push(simulation.t_s());
             for (i, values) in out.values.iter_mut().enumerate() {
                 values.push(simulation.encoder_rad(i));
-            }
-        })?;
-        Ok(out)
-    }
-
-    /// What the plant's own drivers make of the commands where drives are elastic and links swing on them.
-    ///
-    /// # Errors
-    /// When effects make a mass or an inertia impossible.
-    pub fn swung(&self, plant: &Plant) -> Result<CarriedOut, ModelError> {
-        let empty = || Many { t_s: Vec::new(), values: vec![Vec::new(); self.joints.len()] };
-        let mut out = CarriedOut { motor: empty(), link: empty(), link_rate: empty() };
-        let is_hasty = |servo: &Servo| servo.velocity_gain_n_m_s_rad * SWING_STEP_S > HASTY * servo.rotor_inertia_kg_m2;
-        let any_is_hasty = (0..plant.link_count()).any(|joint| is_hasty(plant.servo(joint)));
-        let step_s = if any_is_hasty { STEP_S } else { SWING_STEP_S };
-        let still = Plant { disturbance: None, ..plant.clone() };
-        self.play_in_steps(step_s, &still, 0, SWING_ROW_STEPS, |simulation| {
-            let CarriedOut { motor, link, link_rate } = &mut out;
-            for many in [&mut *motor, link, link_rate] {
-                many.t_s.push(simulation.t_s());
-            }
-            for i in 0..self.joints.len() {
-                let (q_rad, qd_rad_s) = simulation.joint(i);
-                motor.values[i].push(simulation.motor(i).0);
-                link.values[i].push(q_rad);
-                link_rate.values[i].push(qd_rad_s);
             }
         })?;
         Ok(out)

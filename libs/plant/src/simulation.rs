@@ -31,7 +31,6 @@ pub struct Simulation {
     pub(crate) motion: Motion,
     pub(crate) target: Option<Target>,
     t_s: f64,
-    longest_step_s: f64,
     steps: u64,
     valves: Vec<Valve>,
     air: Air,
@@ -64,7 +63,6 @@ impl Simulation {
             motion: Motion::zero(),
             target: plant.target.as_ref().map(Target::new),
             t_s: 0.0,
-            longest_step_s: INTERNAL_STEP_S,
             steps: 0,
             valves: vec![Valve::new(); plant.thrusters.len()],
             air: Air::new(plant.tank.clone()),
@@ -105,19 +103,12 @@ impl Simulation {
         self.remember();
     }
 
-    /// Takes steps of up to `step_s` instead of [`INTERNAL_STEP_S`]: coarser and faster, for fitting.
-    #[must_use]
-    pub fn in_steps_of(mut self, step_s: f64) -> Self {
-        self.longest_step_s = step_s;
-        self
-    }
-
     /// Lets `dt_s` pass (s).
     pub fn step(&mut self, dt_s: f64) {
         let end = self.t_s + dt_s;
         while end - self.t_s > 1e-9 {
             self.enter_stage();
-            let mut step = self.longest_step_s.min(end - self.t_s);
+            let mut step = INTERNAL_STEP_S.min(end - self.t_s);
             if let Some((onset, _)) = self.stages.get(self.stage + 1)
                 && *onset > self.t_s
             {

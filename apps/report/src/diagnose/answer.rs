@@ -49,9 +49,6 @@ pub struct Answer {
     /// Strengths of the structured discrepancy.
     #[serde(default)]
     pub discrepancy: Vec<Discrepancy>,
-    /// What no cause explains, where there is such.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unexplained: Option<Unexplained>,
     /// Laws in the extended model that are no known effect's. Not read again: the extended model has them.
     #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
     pub empirical: Vec<Effect>,
@@ -201,32 +198,6 @@ pub struct Discrepancy {
     /// As expected of a good laboratory.
     #[serde(deserialize_with = "number")]
     pub expected: f64,
-}
-
-/// The misfit that no cause explains.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Unexplained {
-    /// Mean square over the noise.
-    #[serde(deserialize_with = "number")]
-    pub mean_square: f64,
-    /// Channel with the largest share.
-    pub channel: Option<String>,
-    /// Its run.
-    pub run: Option<String>,
-    /// What it depends on.
-    pub depends_on: Vec<Dependence>,
-}
-
-/// A dependence of what is unexplained.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Dependence {
-    /// On what.
-    pub description: String,
-    /// The share that this would explain.
-    #[serde(deserialize_with = "number")]
-    pub share: f64,
 }
 
 /// A number; `null` is not a number.

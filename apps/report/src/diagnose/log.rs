@@ -277,7 +277,6 @@ impl Record {
             joints: (0..joints.q_rad.len()).map(|link| self.issued(link)).collect(),
             valves: self.openings(),
             end_s: self.links.last().map_or(0.0, |state| self.seconds(state.stamp_ns)),
-            beside: Vec::new(),
         }
     }
 

@@ -155,14 +155,6 @@ fn gain(html: &mut String, diagnosis: &Diagnosis) {
 
 /// Strengths of the structured discrepancy, and laws that are no known effect's.
 fn unexplained(html: &mut String, diagnosis: &Diagnosis) {
-    if let Some(left) = &diagnosis.remainder {
-        let _ =
-            write!(html, "<h2>Still unexplained</h2><p>{:.1} times the noise (mean square).</p><ul>", left.mean_square);
-        for (what, share) in &left.depends_on {
-            let _ = write!(html, "<li>It depends on {}; that would explain {:.0} %.</li>", escape(what), 100.0 * share);
-        }
-        html.push_str("</ul>");
-    }
     if diagnosis.discrepancy.is_empty() {
         return;
     }

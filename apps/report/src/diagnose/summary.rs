@@ -25,12 +25,6 @@ pub(super) fn print(diagnosis: &Diagnosis) {
         diagnosis.suspects.iter().for_each(print_cause);
     }
     missing_pulses(diagnosis);
-    if let Some(left) = &diagnosis.remainder {
-        say!("\nStill unexplained: {:.1} times the noise (mean square)", left.mean_square);
-        for (what, share) in &left.depends_on {
-            say!("  depends on {what}; that would explain {:.0} %", 100.0 * share);
-        }
-    }
     discrepancies(diagnosis);
     if !diagnosis.laws.is_empty() {
         say!("\nThe extended model has laws that are no known effect's:");

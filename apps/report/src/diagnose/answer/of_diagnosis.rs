@@ -1,8 +1,8 @@
 //! The answer of a diagnosis.
 
 use super::{
-    Alternative, Answer, Cause, Dependence, Discrepancy, EffectName, Event, Gain, Misfit, ONSET, Parameter, Parameters,
-    Posterior, Unexplained,
+    Alternative, Answer, Cause, Discrepancy, EffectName, Event, Gain, Misfit, ONSET, Parameter, Parameters,
+    Posterior,
 };
 use fss_diagnosis::diagnosis::{self, Diagnosis, MissingPulse};
 use fss_plant::Effect;
@@ -23,7 +23,6 @@ impl Answer {
             suspects: diagnosis.suspects.iter().map(Cause::of).collect(),
             posterior: Posterior::of(diagnosis),
             discrepancy: diagnosis.discrepancy.iter().map(Discrepancy::of).collect(),
-            unexplained: diagnosis.remainder.as_ref().map(Unexplained::of),
             empirical: diagnosis.laws.clone(),
         }
     }
@@ -100,18 +99,6 @@ impl Event {
             from_s: pulse.from_s,
             to_s: pulse.to_s,
             probability: pulse.probability,
-        }
-    }
-}
-
-impl Unexplained {
-    fn of(left: &diagnosis::Remainder) -> Self {
-        let dependence = |(on, share): &(String, f64)| Dependence { description: on.clone(), share: *share };
-        Self {
-            mean_square: left.mean_square,
-            channel: left.worst.as_ref().map(|(channel, _)| channel.clone()),
-            run: left.worst.as_ref().map(|(_, run)| run.clone()),
-            depends_on: left.depends_on.iter().map(dependence).collect(),
         }
     }
 }
