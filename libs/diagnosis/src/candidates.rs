@@ -1,7 +1,8 @@
 //! The causes that a plant can have, each with the coordinates in which a prediction is linear and their priors.
 
+use crate::servo_response::elasticity;
 use fss_plant::effects::catalogue;
-use fss_plant::{Effect, EffectKind, Index, Plant, Prior, Response, SLAB_WIDTHS, effects};
+use fss_plant::{Effect, EffectKind, Index, Physics, Plant, Prior, Response, SLAB_WIDTHS, effects};
 
 /// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
 const LAWS: [(&str, Period); 3] =
@@ -66,6 +67,13 @@ impl Candidate {
         }
         let typical = SLAB_WIDTHS[0] * self.prior.typical[coordinate];
         if self.bounds(coordinate)[1] < typical { -typical } else { typical }
+    }
+
+    /// Whether links move on their drives otherwise with it.
+    pub(crate) fn is_elastic(&self, plant: &Plant) -> bool {
+        let with = |effects: &[Effect]| elasticity(&Physics::with(plant, effects));
+        let probed: Vec<f64> = (0..self.size).map(|i| self.probe(i)).collect();
+        with(&self.at(&probed)) != with(&[])
     }
 
     /// The effects at these coordinates; none where all are 0.
@@ -144,8 +152,9 @@ pub(crate) fn candidates(plant: &Plant, records: &Records) -> Vec<Candidate> {
     all
 }
 
-/// What swings on a spring tells its frequency: stiffnesses are tried over the widths of the prior, in octaves.
-const OCTAVES: std::ops::RangeInclusive<i32> = -4..=2;
+/// What swings on a spring tells its frequency: stiffnesses are tried over the widths of the prior, in steps of two octaves, and
+/// from there an octave to either side.
+const OCTAVES: [i32; 3] = [-3, -1, 1];
 
 fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidate> {
     let prior = effect.kind().prior(plant, effect.index().map(|i| i - 1));
@@ -161,7 +170,9 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
     match prior.response {
         Response::Linear | Response::Strength => vec![one(effect.values().len(), 0.0)],
         Response::Shape(values) => values.iter().map(|value| one(1, *value)).collect(),
-        Response::Inverse if swing => OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect(),
+        Response::Inverse if swing => {
+            OCTAVES.into_iter().map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect()
+        }
         Response::Inverse => vec![one(1, SLAB_WIDTHS[0] * prior.typical[0])],
         Response::Discrete => vec![one(1, 0.0)],
     }

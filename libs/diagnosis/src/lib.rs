@@ -47,8 +47,9 @@ use examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
-use problem::Problem;
+use problem::{Drives, Problem};
 use search::{Rewired, Searched};
+use servo_response::datagrams;
 use tuning::Tuning;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
@@ -95,24 +96,32 @@ fn answer(
     wiring: Wiring,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    let mut tuning = Tuning::default();
+    let has_datagrams = records.0.iter().any(|run| datagrams(plant, run).is_some());
+    // A soft drive stands for gains that are off: first these are found.
+    let mut drives = if has_datagrams { Drives::Rigid } else { Drives::Elastic };
+    let (mut tuning, mut null_hyper) = (Tuning::default(), None);
     for again in 0.. {
-        let problem = Problem::new(plant, records.0, &tuning)?;
+        let problem = Problem::new(plant, records.0, &tuning, drives)?;
         if problem.is_empty() {
             break;
         }
-        let searched = search::search(&problem, say)?;
+        let searched = search::search(&problem, null_hyper.as_deref(), say)?;
         let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
-        if again == RETUNED || found.is_near(&tuning) {
+        let stands_still = again >= RETUNED || found.is_near(&tuning);
+        if stands_still && drives == Drives::Elastic {
             return answer_of(&searched, records, wiring, say);
         }
+        if stands_still {
+            drives = Drives::Elastic;
+        }
         tuning = found;
+        null_hyper = Some(searched.null_hyper);
     }
     Ok(nothing_to_say(plant))
 }
 
 /// So often at the most the search is repeated with servos that are tuned otherwise.
-const RETUNED: usize = 2;
+const RETUNED: usize = 1;
 
 /// The answer that a search leads to.
 fn answer_of(

@@ -43,6 +43,13 @@ const VARIATION: HyperParameter = HyperParameter {
     strength_of: None,
 };
 
+/// Whether drives that follow datagrams may be elastic otherwise than the plant file says.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Drives {
+    Rigid,
+    Elastic,
+}
+
 /// Everything that is linear: runs, causes, uncertain values.
 pub(crate) struct Problem {
     pub(crate) plant_file: Plant,
@@ -102,7 +109,7 @@ fn hyper_parameters(members: &[Member]) -> (Vec<HyperParameter>, Vec<usize>, Vec
 
 impl Problem {
     /// Of runs of a plant, whose servos are tuned otherwise than its file says.
-    pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
+    pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning, drives: Drives) -> Result<Self, ModelError> {
         let uncertain = uncertain(plant);
         let values = uncertain.iter().enumerate();
         let tuned = values.fold(plant.clone(), |plant, (i, value)| match tuning.by(i) {
@@ -112,7 +119,8 @@ impl Problem {
         let members = members(&tuned, runs)?;
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
-        let candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
+        let mut candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
+        candidates.retain(|c| !(swing && drives == Drives::Rigid && c.is_elastic(plant)));
         let (hyper, family_at, family_of) = hyper_parameters(&members);
         let (mut first, mut spikes) = (Vec::new(), Vec::new());
         for candidate in &candidates {
@@ -161,9 +169,11 @@ impl Problem {
         out
     }
 
-    /// The same of other runs, with this one's hyper-parameters and without the blocks whose noise model this one does not have.
+    /// The same of other runs, with this one's candidates and hyper-parameters, without the blocks whose noise model this one does not have.
     pub(crate) fn of_other_runs(&self, runs: &[Run]) -> Result<Self, ModelError> {
-        let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
+        let mut other = Self::new(&self.plant_file, runs, &self.tuning, Drives::Elastic)?;
+        (other.candidates, other.first, other.spikes) =
+            (self.candidates.clone(), self.first.clone(), self.spikes.clone());
         let knows = |m: &Member| {
             let family = self.members.iter().find(|own| own.family == m.family);
             family.is_some_and(|own| own.block.hyper_parameters().len() == m.block.hyper_parameters().len())

@@ -40,15 +40,23 @@ pub(crate) struct Searched<'a> {
     pub(crate) model: Vec<Present>,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
+    /// And those that suit no cause.
+    pub(crate) null_hyper: Vec<f64>,
     pub(crate) linearized: Linearized,
 }
 
-pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> Result<Searched<'a>, ModelError> {
+/// Searches, the noise without causes from those hyper-parameters that suited a problem much like this one.
+pub(crate) fn search<'a>(
+    problem: &'a Problem,
+    known: Option<&[f64]>,
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Searched<'a>, ModelError> {
     let mut search = Search::new(problem);
     say("inferring the noise without causes");
     let mut model = Vec::new();
     let uncertain = problem.linearized(&model, Slope::Secant, &|_, _| false, Kept::Nothing)?;
-    let null_hyper = search.optimized(&uncertain, &[], &[], &medians(problem), 1.0, |_, _| true);
+    let (start, width) = known.map_or_else(|| (medians(problem), 1.0), |known| (known.to_vec(), 0.5));
+    let null_hyper = search.optimized(&uncertain, &[], &[], &start, width, |_, _| true);
     say("linearizing");
     let at_first = |c: usize, family: usize| problem.at_first(c, family);
     let mut linearized = problem.linearized(&model, Slope::Secant, &at_first, Kept::All(uncertain))?;
@@ -85,7 +93,7 @@ pub(crate) fn search<'a>(problem: &'a Problem, say: &(dyn Fn(&str) + Sync)) -> R
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
         model = now;
         if (still && is_whole) || comes_back || round == ROUNDS {
-            return Ok(Searched { search, points, sets: probabilities(sets), model, hyper, linearized });
+            return Ok(Searched { search, points, sets: probabilities(sets), model, hyper, null_hyper, linearized });
         }
         if still {
             (largest, again, unchanged) = (largest + 1, 0, true);

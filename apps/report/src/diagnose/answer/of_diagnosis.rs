@@ -1,8 +1,7 @@
 //! The answer of a diagnosis.
 
 use super::{
-    Alternative, Answer, Cause, Discrepancy, EffectName, Event, Gain, Misfit, ONSET, Parameter, Parameters,
-    Posterior,
+    Alternative, Answer, Cause, Discrepancy, EffectName, Event, Gain, Misfit, ONSET, Parameter, Parameters, Posterior,
 };
 use fss_diagnosis::diagnosis::{self, Diagnosis, MissingPulse};
 use fss_plant::Effect;
