@@ -152,9 +152,8 @@ pub(crate) fn candidates(plant: &Plant, records: &Records) -> Vec<Candidate> {
     all
 }
 
-/// What swings on a spring tells its frequency: stiffnesses are tried over the widths of the prior, in steps of two octaves, and
-/// from there an octave to either side.
-const OCTAVES: [i32; 3] = [-3, -1, 1];
+/// What swings on a spring tells its frequency: stiffnesses are tried over the widths of the prior, in octaves.
+const OCTAVES: std::ops::RangeInclusive<i32> = -4..=2;
 
 fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidate> {
     let prior = effect.kind().prior(plant, effect.index().map(|i| i - 1));
@@ -170,9 +169,7 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
     match prior.response {
         Response::Linear | Response::Strength => vec![one(effect.values().len(), 0.0)],
         Response::Shape(values) => values.iter().map(|value| one(1, *value)).collect(),
-        Response::Inverse if swing => {
-            OCTAVES.into_iter().map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect()
-        }
+        Response::Inverse if swing => OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect(),
         Response::Inverse => vec![one(1, SLAB_WIDTHS[0] * prior.typical[0])],
         Response::Discrete => vec![one(1, 0.0)],
     }

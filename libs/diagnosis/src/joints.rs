@@ -300,11 +300,6 @@ impl JointBlock {
             }
         }
     }
-
-    /// Joint that each row belongs to, counted from 0; `None` for the end-effector's.
-    pub fn joint_of_row(&self) -> Vec<Option<usize>> {
-        self.rows.iter().map(|r| r.kind.joint()).collect()
-    }
 }
 
 impl Block for JointBlock {

@@ -47,9 +47,8 @@ use examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
-use problem::{Drives, Problem};
-use search::{Rewired, Searched};
-use servo_response::datagrams;
+use problem::Problem;
+use search::{NoCause, Rewired, Searched};
 use tuning::Tuning;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
@@ -96,32 +95,60 @@ fn answer(
     wiring: Wiring,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    let has_datagrams = records.0.iter().any(|run| datagrams(plant, run).is_some());
-    // A soft drive stands for gains that are off: first these are found.
-    let mut drives = if has_datagrams { Drives::Rigid } else { Drives::Elastic };
-    let (mut tuning, mut null_hyper) = (Tuning::default(), None);
-    for again in 0.. {
-        let problem = Problem::new(plant, records.0, &tuning, drives)?;
+    let (mut tuning, mut hyper) = (Tuning::default(), None);
+    let mut rival = None;
+    let mut again = 0;
+    loop {
+        let problem = Problem::new(plant, records.0, &tuning)?;
         if problem.is_empty() {
-            break;
+            return Ok(nothing_to_say(plant));
         }
-        let searched = search::search(&problem, null_hyper.as_deref(), say)?;
+        let nothing = search::without_causes(&problem, hyper.as_deref(), say)?;
+        if hyper.is_none() {
+            rival = tuned(plant, records.0, (&problem, &nothing), say)?;
+        }
+        hyper = Some(nothing.hyper.clone());
+        let least = rival.as_ref().map(|(_, log_posterior)| *log_posterior);
+        let Some(searched) = search::search(&problem, nothing, least, say)? else {
+            tuning = rival.take().map_or(tuning, |(gains, _)| gains);
+            continue;
+        };
         let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
-        let stands_still = again >= RETUNED || found.is_near(&tuning);
-        if stands_still && drives == Drives::Elastic {
+        if again == RETUNED || found.is_near(&tuning) {
             return answer_of(&searched, records, wiring, say);
         }
-        if stands_still {
-            drives = Drives::Elastic;
+        (tuning, rival) = (found, None);
+        again += 1;
+    }
+}
+
+/// The gains that suit the runs best where there are no causes, with the logarithm of the posterior probability of that; `None`
+/// where they are those of the plant file. A soft drive stands for gains that are off.
+fn tuned(
+    plant: &Plant,
+    runs: &[Run],
+    (problem, nothing): (&Problem, &NoCause),
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Option<(Tuning, f64)>, ModelError> {
+    let mut tuning = Tuning::of(&problem.uncertain, &nothing.means);
+    if tuning.is_near(&Tuning::default()) {
+        return Ok(None);
+    }
+    let mut again = 0;
+    loop {
+        let problem = Problem::new(plant, runs, &tuning)?;
+        let nothing = search::without_causes(&problem, Some(&nothing.hyper), say)?;
+        let found = Tuning::of(&problem.uncertain, &nothing.means);
+        if again == RETUNED || found.is_near(&tuning) {
+            return Ok(Some((tuning, nothing.log_posterior)));
         }
         tuning = found;
-        null_hyper = Some(searched.null_hyper);
+        again += 1;
     }
-    Ok(nothing_to_say(plant))
 }
 
 /// So often at the most the search is repeated with servos that are tuned otherwise.
-const RETUNED: usize = 1;
+const RETUNED: usize = 2;
 
 /// The answer that a search leads to.
 fn answer_of(

@@ -43,13 +43,6 @@ const VARIATION: HyperParameter = HyperParameter {
     strength_of: None,
 };
 
-/// Whether drives that follow datagrams may be elastic otherwise than the plant file says.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Drives {
-    Rigid,
-    Elastic,
-}
-
 /// Everything that is linear: runs, causes, uncertain values.
 pub(crate) struct Problem {
     pub(crate) plant_file: Plant,
@@ -109,7 +102,7 @@ fn hyper_parameters(members: &[Member]) -> (Vec<HyperParameter>, Vec<usize>, Vec
 
 impl Problem {
     /// Of runs of a plant, whose servos are tuned otherwise than its file says.
-    pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning, drives: Drives) -> Result<Self, ModelError> {
+    pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
         let uncertain = uncertain(plant);
         let values = uncertain.iter().enumerate();
         let tuned = values.fold(plant.clone(), |plant, (i, value)| match tuning.by(i) {
@@ -119,8 +112,7 @@ impl Problem {
         let members = members(&tuned, runs)?;
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
-        let mut candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
-        candidates.retain(|c| !(swing && drives == Drives::Rigid && c.is_elastic(plant)));
+        let candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
         let (hyper, family_at, family_of) = hyper_parameters(&members);
         let (mut first, mut spikes) = (Vec::new(), Vec::new());
         for candidate in &candidates {
@@ -171,7 +163,7 @@ impl Problem {
 
     /// The same of other runs, with this one's candidates and hyper-parameters, without the blocks whose noise model this one does not have.
     pub(crate) fn of_other_runs(&self, runs: &[Run]) -> Result<Self, ModelError> {
-        let mut other = Self::new(&self.plant_file, runs, &self.tuning, Drives::Elastic)?;
+        let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
         (other.candidates, other.first, other.spikes) =
             (self.candidates.clone(), self.first.clone(), self.spikes.clone());
         let knows = |m: &Member| {

@@ -11,6 +11,7 @@ mod shortlist;
 mod space;
 mod wiring;
 
+use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Present, Problem, Slope};
 use fss_estimation::evidence::SetPosterior;
 use fss_multibody::ModelError;
@@ -40,23 +41,50 @@ pub(crate) struct Searched<'a> {
     pub(crate) model: Vec<Present>,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
-    /// And those that suit no cause.
-    pub(crate) null_hyper: Vec<f64>,
     pub(crate) linearized: Linearized,
 }
 
-/// Searches, the noise without causes from those hyper-parameters that suited a problem much like this one.
-pub(crate) fn search<'a>(
-    problem: &'a Problem,
+/// The runs without any cause.
+pub(crate) struct NoCause {
+    /// Columns of the uncertain values.
+    uncertain: Linearized,
+    /// Hyper-parameters that suit it best.
+    pub(crate) hyper: Vec<f64>,
+    /// Posterior means of the uncertain values, in stated standard deviations.
+    pub(crate) means: Vec<f64>,
+    /// Logarithm of its marginal likelihood and prior.
+    pub(crate) log_posterior: f64,
+}
+
+/// The noise without causes, from those hyper-parameters that suited a problem much like this one.
+pub(crate) fn without_causes(
+    problem: &Problem,
     known: Option<&[f64]>,
     say: &(dyn Fn(&str) + Sync),
-) -> Result<Searched<'a>, ModelError> {
-    let mut search = Search::new(problem);
+) -> Result<NoCause, ModelError> {
+    let search = Search::new(problem);
     say("inferring the noise without causes");
-    let mut model = Vec::new();
-    let uncertain = problem.linearized(&model, Slope::Secant, &|_, _| false, Kept::Nothing)?;
+    let uncertain = problem.linearized(&[], Slope::Secant, &|_, _| false, Kept::Nothing)?;
     let (start, width) = known.map_or_else(|| (medians(problem), 1.0), |known| (known.to_vec(), 0.5));
-    let null_hyper = search.optimized(&uncertain, &[], &[], &start, width, |_, _| true);
+    let hyper = search.optimized(&uncertain, &[], &[], &start, width, |_, _| true);
+    let point = search.point(&uncertain, &hyper, &search.parameters_with(&[]).0, &GramCache::default());
+    let (means, log_posterior) =
+        point.and_then(|p| Some((p.posterior.means().to_vec(), p.log_posterior(&[])?))).map_or_else(
+            || (vec![0.0; problem.uncertain.len()], f64::NEG_INFINITY),
+            |(means, likelihood)| (means, likelihood + search.prior_of_set(&[])),
+        );
+    Ok(NoCause { uncertain, hyper, means, log_posterior })
+}
+
+/// Searches. `None` where a soft drive stands for something that is as probable as `rival` (a logarithm) without.
+pub(crate) fn search<'a>(
+    problem: &'a Problem,
+    NoCause { uncertain, hyper: null_hyper, .. }: NoCause,
+    rival: Option<f64>,
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Option<Searched<'a>>, ModelError> {
+    let mut search = Search::new(problem);
+    let mut model = Vec::new();
     say("linearizing");
     let at_first = |c: usize, family: usize| problem.at_first(c, family);
     let mut linearized = problem.linearized(&model, Slope::Secant, &at_first, Kept::All(uncertain))?;
@@ -93,7 +121,8 @@ pub(crate) fn search<'a>(
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
         model = now;
         if (still && is_whole) || comes_back || round == ROUNDS {
-            return Ok(Searched { search, points, sets: probabilities(sets), model, hyper, null_hyper, linearized });
+            let sets = probabilities(sets);
+            return Ok(Some(Searched { search, points, sets, model, hyper, linearized }));
         }
         if still {
             (largest, again, unchanged) = (largest + 1, 0, true);
@@ -105,6 +134,9 @@ pub(crate) fn search<'a>(
         linearized =
             problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Kept::Causes(linearized))?;
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
+        if rival.is_some_and(|rival| search.is_overruled((&linearized, &hyper), &best, rival)) {
+            return Ok(None);
+        }
         if !same {
             search.note_identical(&linearized, &hyper, &model)?;
         }
@@ -123,7 +155,7 @@ fn medians(problem: &Problem) -> Vec<f64> {
 }
 
 /// The loop above always returns in its last round.
-fn unreachable_round<'a>() -> Result<Searched<'a>, ModelError> {
+fn unreachable_round<'a>() -> Result<Option<Searched<'a>>, ModelError> {
     unreachable!("the last round returns")
 }
 
@@ -140,6 +172,18 @@ impl Searched<'_> {
 }
 
 impl Search<'_> {
+    /// Whether a set has a soft drive and, about its own estimate, is less probable than a rival.
+    fn is_overruled(&self, (about, hyper): (&Linearized, &[f64]), set: &Found, rival: f64) -> bool {
+        if !set.causes.iter().any(|c| self.problem.candidates[*c].is_elastic(&self.problem.plant)) {
+            return false;
+        }
+        let (parameters, position) = self.parameters_with(&set.causes);
+        let point = self.point(about, hyper, &parameters, &GramCache::default());
+        let slabs = self.slabs(&set.causes, &set.classes, &position);
+        let value = point.zip(slabs).and_then(|(point, slabs)| point.log_posterior(&slabs));
+        value.is_none_or(|value| value + self.prior_of_set(&set.causes) < rival)
+    }
+
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
     /// differ where actions are not in proportion.
     fn note_identical(&mut self, linearized: &Linearized, hyper: &[f64], model: &[Present]) -> Result<(), ModelError> {

@@ -28,12 +28,6 @@ pub struct Run {
     pub postures: Vec<Posture>,
 }
 
-/// A pause in the joints' telemetry for which their motion can still be told, s.
-const TELEMETRY_PAUSE_S: f64 = 1.0;
-/// An arm that is told to rest does so after as long, s, and within as much, rad.
-const SETTLING_S: f64 = 1.0;
-const AT_REST_RAD: f64 = 1e-3;
-
 /// In so long every joint reports, and a window's margin passes, s.
 const ALL_REPORT_S: f64 = 0.5;
 
@@ -51,22 +45,11 @@ impl Run {
         self.thrust_levels.iter().any(|(_, levels)| levels.get(thruster - 1).is_some_and(|level| *level > 0.0))
     }
 
-    /// Whether any thruster is.
-    pub fn fires_at_all(&self) -> bool {
-        self.thrust_levels.iter().any(|(_, levels)| pushes(levels))
-    }
-
     /// Whether a joint, counted from 1, moves in this run, or may without anybody telling.
     pub fn moves(&self, joint: usize) -> bool {
         let Some(q_rad) = self.joints.as_ref().and_then(|joints| joints.q_rad.get(joint - 1)) else { return true };
         let known = || q_rad.iter().copied().filter(|q| q.is_finite());
         known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min) > RESTS_WITHIN_RAD
-    }
-
-    /// Whether the arm's motion between two times is known: its telemetry tells it, or it was told to rest. A drive follows
-    /// its command to hundredths of a radian only, which is far more than the base's sensors notice.
-    pub fn arm_is_known(&self, from_s: f64, to_s: f64) -> bool {
-        self.telemetry_tells(from_s, to_s) || self.arm_is_told_to_rest(from_s - SETTLING_S, to_s)
     }
 
     /// The same run without what the joints reported before `from_s`, and everything else before every joint has reported once
@@ -93,25 +76,6 @@ impl Run {
             }
         }
         self
-    }
-
-    fn telemetry_tells(&self, from_s: f64, to_s: f64) -> bool {
-        let Some(joints) = &self.joints else { return false };
-        let within = joints.t_s.iter().copied().filter(|t| (from_s..=to_s).contains(t));
-        let mut last = from_s;
-        within.chain([to_s]).all(|t| t - std::mem::replace(&mut last, t) <= TELEMETRY_PAUSE_S)
-    }
-
-    fn arm_is_told_to_rest(&self, from_s: f64, to_s: f64) -> bool {
-        let Some(command) = &self.joint_command else { return true };
-        (0..command.values.len()).all(|joint| {
-            let Some(begin) = command.at(joint, from_s.max(command.t_s.first().copied().unwrap_or(0.0))) else {
-                return true;
-            };
-            let rows = command.t_s.iter().zip(&command.values[joint]);
-            let within = rows.filter(|(t, _)| (from_s..=to_s).contains(*t)).map(|(_, value)| *value);
-            within.chain(command.at(joint, to_s)).all(|value| (value - begin).abs() <= AT_REST_RAD)
-        })
     }
 }
 

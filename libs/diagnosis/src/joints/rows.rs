@@ -179,14 +179,6 @@ fn interpolated(poses: &Poses, t_s: f64) -> Option<[f64; 3]> {
 }
 
 impl Kind {
-    /// The joint, counted from 0; `None` for the end-effector.
-    pub(super) fn joint(self) -> Option<usize> {
-        match self {
-            Self::Angle(i) | Self::Rate(i) | Self::Current(i) | Self::Torque(i) | Self::Undriven(i) => Some(i),
-            Self::Tip(_) => None,
-        }
-    }
-
     /// Name of the channel.
     pub(super) fn channel(self) -> String {
         match self {

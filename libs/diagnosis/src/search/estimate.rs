@@ -9,8 +9,8 @@ use fss_plant::Response;
 
 /// Steps of estimation about one set at the most.
 const POLISHED: usize = 6;
-/// A spring is scanned in so many steps to either side over an octave, each a twentieth of a swing's frequency.
-const SCANNED: i32 = 8;
+/// A spring's octave is scanned in so many steps to either side, each a twentieth of a swing's frequency.
+const SCANNED: i32 = 4;
 
 /// What it takes to linearize about a set of causes, and their priors.
 struct ColumnsOfSet<'a> {
@@ -78,8 +78,9 @@ impl Search<'_> {
                 continue;
             }
             let mut best = (f64::NEG_INFINITY, own.probe(0));
-            let scan = (-SCANNED..=SCANNED).map(|k| own.probe(0) * 2.0_f64.powf(f64::from(k) / f64::from(SCANNED)));
-            for coordinate in scan {
+            let octave =
+                (-SCANNED..=SCANNED).map(|k| own.probe(0) * 2.0_f64.powf(0.5 * f64::from(k) / f64::from(SCANNED)));
+            for coordinate in octave {
                 model[at].coordinates[0] = coordinate;
                 let value = columns.log_evidence_given(&model, at, hyper)?;
                 best = if value > best.0 { (value, coordinate) } else { best };

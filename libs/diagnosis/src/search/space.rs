@@ -1,7 +1,7 @@
 //! What is searched: the causes and their priors, sets of causes, and the hyper-parameters at which they are compared.
 
 use crate::problem::{Present, Problem};
-use fss_estimation::evidence::SpikePosterior;
+use fss_estimation::evidence::{Slab, SpikePosterior};
 use std::collections::{BTreeMap, HashMap};
 
 /// Variations from run to run that sets are compared at.
@@ -29,6 +29,13 @@ pub(crate) struct HyperPoint {
     pub(crate) hyper: Vec<f64>,
     pub(super) log_prior: f64,
     pub(crate) posterior: SpikePosterior,
+}
+
+impl HyperPoint {
+    /// Logarithm of the marginal likelihood with these causes, and of the prior of the hyper-parameters.
+    pub(super) fn log_posterior(&self, slabs: &[Slab]) -> Option<f64> {
+        Some(self.posterior.of_set(slabs)?.log_evidence + self.log_prior)
+    }
 }
 
 /// A set of causes with its posterior.
