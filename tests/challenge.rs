@@ -92,13 +92,16 @@ fn datagrams_that_arrive_early_or_late_are_no_torque_on_the_base() {
 #[test]
 fn where_nothing_is_hidden_nothing_is_named() {
     // Vehicles without links, with one and with four, in laboratories that differ from their plant files.
-    ["0", "6", "20"].into_iter().for_each(nothing_is_named);
+    nothing_is_named("0", &[]);
+    nothing_is_named("6", &[]);
+    nothing_is_named("20", &["--experiments", "coast,excitation"]);
 }
 
-fn nothing_is_named(seed: &str) {
+fn nothing_is_named(seed: &str, options: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     let (out, file) = (folder.path().join(seed), folder.path().join("answer.json"));
-    succeed(&["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()]);
+    let words = ["challenge", "--seed", seed, "--out", out.to_str().unwrap(), "--json", file.to_str().unwrap()];
+    succeed(&[&words, options].concat());
     let answer = json(&file);
     assert_eq!(answer["hidden"]["effects"].as_array().unwrap().len(), 0, "seed {seed}");
     // The air differs from what the plant file states: that may be said, but no cause may be named for it.
@@ -159,14 +162,14 @@ impl Flown {
 #[test]
 fn a_drive_on_which_a_link_swings_is_named_and_nothing_is_left_to_name() {
     let soft = "id = \"joint_flexibility\"\nindex = 2\nstiffness_N_m_rad = 150";
-    let flown = Flown::with(soft, &["single-joint", "excitation", "thrusters"]);
+    let flown = Flown::with(soft, &["excitation"]);
     let answer = flown.diagnosed("plant.toml", "out");
     let causes = answer["causes"].as_array().unwrap();
     assert_eq!(causes.len(), 1, "{answer}");
     assert_eq!((&causes[0]["effect"], &causes[0]["index"]), (&"joint_flexibility".into(), &2.into()));
     let stiffness = &causes[0]["parameters"]["stiffness_N_m_rad"];
     let (value, std) = (stiffness["value"].as_f64().unwrap(), stiffness["std"].as_f64().unwrap());
-    assert!((value - 150.0).abs() < 2.0 * std && std < 15.0, "{value} +- {std}");
+    assert!((value / 150.0 - 1.0).abs() < 0.06 && std < 15.0, "{value} +- {std}");
     let again = flown.diagnosed("out/extended.toml", "again");
     assert_eq!(again["verdict"], "consistent", "a plant file that knows the drive: {again}");
 }
