@@ -3,7 +3,7 @@
 
 use crate::candidates::Candidate;
 use crate::diagnosis::{Alternative, Cause, Discrepancy, Verdict};
-use crate::problem::Problem;
+use crate::problem::{Problem, is_same};
 use crate::scores::Scores;
 use crate::search::{Found, Searched};
 use fss_estimation::evidence::SetPosterior;
@@ -144,6 +144,11 @@ fn alternatives(
             continue;
         }
         let candidate = &problem.candidates[*other];
+        // The same effect of another size is no other cause.
+        let shares_name = is_same(&candidate.nominal, &problem.candidates[own].nominal);
+        if shares_name && candidate.prior.response != Response::Discrete {
+            continue;
+        }
         let matched = searched.search.identical.get(&(own.min(*other), own.max(*other)));
         let matched = matched.filter(|(which, _)| which == other).map(|(_, at)| at.clone());
         let at = matched
