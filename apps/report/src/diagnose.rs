@@ -79,7 +79,7 @@ fn tell(args: &DiagnoseArgs, (diagnosis, fitted): &(Diagnosis, Vec<Run>)) -> Res
     let term = if diagnosis.laws.is_empty() {
         ""
     } else {
-        "# No known effect explains the rest: what is called unmodelled is empirical, and acts only where the fitted runs were.\n"
+        "# No known effect explains the rest: what is called unmodelled is empirical.\n"
     };
     let extended = format!(
         "# Made by fss diagnose from {}: uncertain values as the data settle them, and the causes asserted.\n{term}{}",
