@@ -161,7 +161,8 @@ impl Problem {
         out
     }
 
-    /// The same of other runs, with this one's candidates and hyper-parameters, without the blocks whose noise model this one does not have.
+    /// The same of other runs, with this one's candidates and hyper-parameters, without the blocks whose noise model this one does not
+    /// have.
     pub(crate) fn of_other_runs(&self, runs: &[Run]) -> Result<Self, ModelError> {
         let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
         (other.candidates, other.first, other.spikes) =
