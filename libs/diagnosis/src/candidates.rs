@@ -12,6 +12,9 @@ const TURNS: [f64; 2] = [1.0, 2.0];
 /// Frequencies of a force in time: multiples of half the inverse run length, up to this many.
 const HARMONICS: usize = 40;
 
+/// Standard deviation of a discrete cause's coordinate about 1.
+pub(crate) const DISCRETE_SD: f64 = 0.01;
+
 /// Torque of a law of joints, as a share of the largest: whatever resists, it leaves a joint able to move.
 const LAW_SHARE: f64 = 0.03;
 
@@ -57,6 +60,29 @@ impl Candidate {
     /// Special values of the first coordinate.
     pub(crate) fn points(&self) -> Vec<f64> {
         self.prior.points.iter().map(|value| value - self.nominal.values()[0]).collect()
+    }
+
+    /// In how many ways it may depart from nominal: each width of the slabs, with all coordinates or one alone, and each special value.
+    pub(crate) fn classes(&self) -> usize {
+        if self.prior.response == Response::Discrete { 1 } else { self.slabs() + self.prior.points.len() }
+    }
+
+    fn slabs(&self) -> usize {
+        let has_parts = self.prior.response == Response::Linear && self.size > 1 && !self.is_law;
+        SLAB_WIDTHS.len() * if has_parts { 1 + self.size } else { 1 }
+    }
+
+    /// Mean and standard deviation of a coordinate in a class, before any data.
+    pub(crate) fn prior_in(&self, class: usize, coordinate: usize) -> (f64, f64) {
+        if self.prior.response == Response::Discrete {
+            return (1.0, DISCRETE_SD);
+        }
+        if class >= self.slabs() {
+            return (self.points()[class - self.slabs()], self.prior.spike[coordinate]);
+        }
+        let (width, alone) = (SLAB_WIDTHS[class % SLAB_WIDTHS.len()], class / SLAB_WIDTHS.len());
+        let departs = alone == 0 || alone == coordinate + 1;
+        (0.0, if departs { width * self.prior.typical[coordinate] } else { self.prior.spike[coordinate] })
     }
 
     /// A size of a coordinate at which its action is seen and not yet far from proportional, that of its narrowest slab, on the

@@ -3,7 +3,7 @@
 use crate::candidates::{Candidate, Records, candidates};
 use crate::problem::is_same;
 use crate::search::SIZES;
-use fss_plant::{Effect, Plant, Response, SLAB_WIDTHS};
+use fss_plant::{Effect, Plant, Response};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -58,16 +58,12 @@ fn drawn_coordinates(cause: &Candidate, random: &mut ChaCha8Rng) -> Vec<f64> {
     if cause.prior.response == Response::Discrete {
         return vec![1.0];
     }
-    let points = cause.points();
-    let class = random.random_range(0..SLAB_WIDTHS.len() + points.len());
-    let mut coordinates = Vec::with_capacity(cause.size);
-    for i in 0..cause.size {
-        coordinates.push(match SLAB_WIDTHS.get(class) {
-            Some(width) => within(cause.bounds(i), width * cause.prior.typical[i], random),
-            None => points[class - SLAB_WIDTHS.len()] + cause.prior.spike[i] * normal(random),
-        });
-    }
-    coordinates
+    let class = random.random_range(0..cause.classes());
+    let drawn = |i: usize| match cause.prior_in(class, i) {
+        (0.0, sd) => within(cause.bounds(i), sd, random),
+        (mean, sd) => mean + sd * normal(random),
+    };
+    (0..cause.size).map(drawn).collect()
 }
 
 /// A normal value about 0, which lies within the bounds.

@@ -13,10 +13,11 @@
 //! with it and without it, each alone and with any one other pulse: a pulse that could stand in its place takes its share.
 
 use crate::block::Block;
+use crate::candidates::DISCRETE_SD;
 use crate::conclude::ASSERTED;
 use crate::diagnosis::MissingPulse;
 use crate::problem::{Member, Problem};
-use crate::search::{DISCRETE_SD, Searched, log_sum};
+use crate::search::{Searched, log_sum};
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;

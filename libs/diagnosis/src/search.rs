@@ -18,7 +18,7 @@ use fss_multibody::ModelError;
 use fss_plant::Response;
 use hyper::PROMISING;
 use sets::probabilities;
-pub(crate) use sets::{DISCRETE_SD, SIZES, log_sum};
+pub(crate) use sets::{SIZES, log_sum};
 use space::VARIATIONS;
 pub(crate) use space::{Found, HyperPoint, Search};
 use std::collections::BTreeSet;

@@ -2,7 +2,7 @@
 
 use super::space::{Found, HyperPoint, Search, VARIATIONS};
 use fss_estimation::evidence::{SetPosterior, Slab};
-use fss_plant::{Response, SLAB_WIDTHS};
+use fss_plant::Response;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -10,13 +10,10 @@ use std::collections::HashMap;
 pub(crate) const SIZES: [f64; 5] = [0.5, 0.3, 0.13, 0.05, 0.02];
 /// Sets that are extended at each size.
 const BEAM: usize = 8;
-/// Standard deviation of a discrete cause's coordinate about 1.
-pub(crate) const DISCRETE_SD: f64 = 0.01;
 
 impl Search<'_> {
     pub(super) fn classes(&self, candidate: usize) -> usize {
-        let own = &self.problem.candidates[candidate];
-        if own.prior.response == Response::Discrete { 1 } else { SLAB_WIDTHS.len() + own.prior.points.len() }
+        self.problem.candidates[candidate].classes()
     }
 
     /// The priors of a set's parameters.
@@ -27,11 +24,7 @@ impl Search<'_> {
             for (i, parameter) in self.problem.parameters_of(*candidate).enumerate() {
                 let parameter = position[parameter]?;
                 let bounds = own.bounds(i);
-                let (mean, sd) = match (own.prior.response, SLAB_WIDTHS.get(*class)) {
-                    (Response::Discrete, _) => (1.0, DISCRETE_SD),
-                    (_, Some(width)) => (0.0, width * own.prior.typical[i]),
-                    (_, None) => (own.points()[class - SLAB_WIDTHS.len()], own.prior.spike[i]),
-                };
+                let (mean, sd) = own.prior_in(*class, i);
                 let free = [f64::NEG_INFINITY, f64::INFINITY];
                 slabs.push(Slab { parameter, mean, sd, bounds: if mean == 0.0 { bounds } else { free } });
             }
