@@ -243,3 +243,22 @@ fn base_laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_cause_departs_from_nominal_with_all_its_coordinates_or_with_one() {
+        let plant = Plant::default_laboratory().unwrap();
+        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), swing: false };
+        let all = candidates(&plant, &records);
+        let rubs = all.iter().find(|c| c.kind == "base_coulomb_drag").unwrap();
+        let is_slab = |class: usize, i: usize| rubs.prior_in(class, i).1 > 100.0 * rubs.prior.spike[i];
+        let departs: Vec<[bool; 2]> = (0..rubs.classes()).map(|class| [0, 1].map(|i| is_slab(class, i))).collect();
+        for support in [[true, true], [true, false], [false, true]] {
+            assert_eq!(departs.iter().filter(|d| **d == support).count(), SLAB_WIDTHS.len(), "{departs:?}");
+        }
+    }
+}

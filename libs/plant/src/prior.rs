@@ -2,7 +2,8 @@
 //!
 //! Each parameter has a spike, the deviation that every laboratory has and nobody states, and a slab, a departure that would
 //! be named: a normal distribution about the nominal value, of one of three widths, [`SLAB_WIDTHS`] times the typical size.
-//! Special values, such as a thruster that is stuck shut, are points besides.
+//! Of several parameters that act in proportion all depart, or one alone. Special values, such as a thruster that is stuck shut, are
+//! points besides.
 
 use crate::about::{MAX_PARAMETERS, Parameter};
 use crate::file::Plant;
