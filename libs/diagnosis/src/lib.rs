@@ -48,7 +48,8 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
-use search::{NoCause, Rewired, Searched};
+use search::{Rewired, Searched};
+use std::cell::OnceCell;
 use tuning::Tuning;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
@@ -96,7 +97,6 @@ fn answer(
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
     let (mut tuning, mut hyper) = (Tuning::default(), None);
-    let mut rival = None;
     let mut again = 0;
     loop {
         let problem = Problem::new(plant, records.0, &tuning)?;
@@ -104,43 +104,47 @@ fn answer(
             return Ok(nothing_to_say(plant));
         }
         let nothing = search::without_causes(&problem, hyper.as_deref(), say)?;
-        if hyper.is_none() {
-            rival = tuned(plant, records.0, (&problem, &nothing), say)?;
-        }
-        hyper = Some(nothing.hyper.clone());
-        let least = rival.as_ref().map(|(_, log_posterior)| *log_posterior);
-        let Some(searched) = search::search(&problem, nothing, least, say)? else {
-            tuning = rival.take().map_or(tuning, |(gains, _)| gains);
+        let known = nothing.hyper.clone();
+        let gains = Tuning::of(&problem.uncertain, &nothing.means);
+        let tuned: OnceCell<(Tuning, f64)> = OnceCell::new();
+        // A soft drive stands for gains that are off: those of the plant file have to be more probable with it than others without.
+        let rival = || -> Result<Option<f64>, ModelError> {
+            if hyper.is_some() || gains.is_near(&tuning) {
+                return Ok(None);
+            }
+            if tuned.get().is_none() {
+                let _ = tuned.set(without_causes(plant, records.0, (gains.clone(), &known), say)?);
+            }
+            Ok(tuned.get().map(|(_, log_posterior)| *log_posterior))
+        };
+        let Some(searched) = search::search(&problem, nothing, &rival, say)? else {
+            (tuning, hyper) = (tuned.into_inner().map_or(gains, |(gains, _)| gains), Some(known));
             continue;
         };
         let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
         if again == RETUNED || found.is_near(&tuning) {
             return answer_of(&searched, records, wiring, say);
         }
-        (tuning, rival) = (found, None);
+        (tuning, hyper) = (found, Some(known));
         again += 1;
     }
 }
 
-/// The gains that suit the runs best where there are no causes, with the logarithm of the posterior probability of that; `None`
-/// where they are those of the plant file. A soft drive stands for gains that are off.
-fn tuned(
+/// The gains that suit the runs best where there are no causes, from some that are near, with the logarithm of the posterior
+/// probability of that.
+fn without_causes(
     plant: &Plant,
     runs: &[Run],
-    (problem, nothing): (&Problem, &NoCause),
+    (mut tuning, hyper): (Tuning, &[f64]),
     say: &(dyn Fn(&str) + Sync),
-) -> Result<Option<(Tuning, f64)>, ModelError> {
-    let mut tuning = Tuning::of(&problem.uncertain, &nothing.means);
-    if tuning.is_near(&Tuning::default()) {
-        return Ok(None);
-    }
+) -> Result<(Tuning, f64), ModelError> {
     let mut again = 0;
     loop {
         let problem = Problem::new(plant, runs, &tuning)?;
-        let nothing = search::without_causes(&problem, Some(&nothing.hyper), say)?;
+        let nothing = search::without_causes(&problem, Some(hyper), say)?;
         let found = Tuning::of(&problem.uncertain, &nothing.means);
         if again == RETUNED || found.is_near(&tuning) {
-            return Ok(Some((tuning, nothing.log_posterior)));
+            return Ok((tuning, nothing.log_posterior));
         }
         tuning = found;
         again += 1;

@@ -76,11 +76,11 @@ pub(crate) fn without_causes(
     Ok(NoCause { uncertain, hyper, means, log_posterior })
 }
 
-/// Searches. `None` where a soft drive stands for something that is as probable as `rival` (a logarithm) without.
+/// Searches. `None` where a soft drive is less probable than a `rival`, which is asked for where one comes up: a logarithm.
 pub(crate) fn search<'a>(
     problem: &'a Problem,
     NoCause { uncertain, hyper: null_hyper, .. }: NoCause,
-    rival: Option<f64>,
+    rival: &dyn Fn() -> Result<Option<f64>, ModelError>,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Option<Searched<'a>>, ModelError> {
     let mut search = Search::new(problem);
@@ -134,7 +134,10 @@ pub(crate) fn search<'a>(
         linearized =
             problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Kept::Causes(linearized))?;
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
-        if rival.is_some_and(|rival| search.is_overruled((&linearized, &hyper), &best, rival)) {
+        let is_elastic = |c: &usize| problem.candidates[*c].is_elastic(&problem.plant);
+        if best.causes.iter().any(is_elastic)
+            && rival()?.is_some_and(|rival| search.log_posterior((&linearized, &hyper), &best) < rival)
+        {
             return Ok(None);
         }
         if !same {
@@ -172,16 +175,13 @@ impl Searched<'_> {
 }
 
 impl Search<'_> {
-    /// Whether a set has a soft drive and, about its own estimate, is less probable than a rival.
-    fn is_overruled(&self, (about, hyper): (&Linearized, &[f64]), set: &Found, rival: f64) -> bool {
-        if !set.causes.iter().any(|c| self.problem.candidates[*c].is_elastic(&self.problem.plant)) {
-            return false;
-        }
+    /// Logarithm of a set's marginal likelihood and prior, about its own estimate.
+    fn log_posterior(&self, (about, hyper): (&Linearized, &[f64]), set: &Found) -> f64 {
         let (parameters, position) = self.parameters_with(&set.causes);
         let point = self.point(about, hyper, &parameters, &GramCache::default());
         let slabs = self.slabs(&set.causes, &set.classes, &position);
         let value = point.zip(slabs).and_then(|(point, slabs)| point.log_posterior(&slabs));
-        value.is_none_or(|value| value + self.prior_of_set(&set.causes) < rival)
+        value.map_or(f64::NEG_INFINITY, |value| value + self.prior_of_set(&set.causes))
     }
 
     /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
