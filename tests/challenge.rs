@@ -158,6 +158,17 @@ impl Flown {
     }
 }
 
+#[test]
+#[ignore = "fails: of a joint in play in logs something else is asserted, or the search does not end in minutes"]
+fn a_joint_with_play_is_named_and_measured() {
+    let play = "id = \"joint_backlash\"\nindex = 2\ngap_rad = 0.004";
+    let flown = Flown::with(play, &["coast", "single-joint", "excitation", "thrusters"]);
+    let cause = &flown.diagnosed("plant.toml", "out")["causes"][0];
+    assert_eq!((&cause["effect"], &cause["index"]), (&"joint_backlash".into(), &2.into()), "{cause}");
+    let gap_rad = cause["parameters"]["gap_rad"]["value"].as_f64().unwrap();
+    assert!((gap_rad / 0.004 - 1.0).abs() < 0.2, "{cause}");
+}
+
 /// So soft that its link goes on swinging after each command: once called play, or a weak motor.
 #[test]
 fn a_drive_on_which_a_link_swings_is_named_and_nothing_is_left_to_name() {
