@@ -69,8 +69,8 @@ const ECCENTRICITY_SD_RAD: f64 = 5e-3;
 /// A row's time is known to half of a valve's tick, s.
 const TIMING_S: f64 = 0.0025;
 
-/// Variance that the uncertain time of each drive's row gives it where thrust begins or ends: the square of half of what the
-/// row changes over the span of its samples and their timing, had the arm moved on evenly.
+/// Variance that uncertain times give a row: of a drive's where thrust begins or ends, the square of half of what the row changes
+/// over the span of its samples and their timing, had the arm moved on evenly; of a rate's where a datagram arrives.
 pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], slopes: &mut [Slopes]) {
     for moment in moments(rows) {
         let t_s = rows[moment.start].t_s;
@@ -81,6 +81,9 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
             if let Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) = rows[k].kind {
                 let unit = if let Kind::Current(_) = rows[k].kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };
                 slopes[k].timing_variance = (0.5 * unit * change[i]).powi(2);
+            }
+            if let Kind::Rate(i) = rows[k].kind {
+                slopes[k].timing_variance = path.arrival_sd(i, t_s).powi(2);
             }
             if let Kind::Tip(_) = rows[k].kind {
                 let by_angle = slopes[k].motion.iter().filter(|(state, _)| state % 3 == 0);

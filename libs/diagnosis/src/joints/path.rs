@@ -2,7 +2,7 @@
 
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
-use crate::servo_response::{self, Nodes, datagrams};
+use crate::servo_response::{self, ARRIVAL_SD_S, Nodes, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
@@ -17,6 +17,9 @@ const SERVO_MERGE_S: f64 = 0.04;
 const LEAST_ANGLE_SD: f64 = 6e-6;
 const LEAST_RATE_SD: f64 = 6e-5;
 
+/// Nodes of equal weight with the mean and the variance of an even distribution, in its standard deviations.
+const ARRIVALS: [f64; 4] = [-1.38, -0.32, 0.32, 1.38];
+
 /// What the sensors said of the motion.
 #[derive(Clone, Debug)]
 pub(super) struct MeasuredPath {
@@ -24,6 +27,8 @@ pub(super) struct MeasuredPath {
     pub(super) joints: Vec<Track>,
     /// Standard deviation of each smoothed encoder rate at the nodes, rad/s.
     rate_sd: Vec<Vec<f64>>,
+    /// Whether the reference answers datagrams, each of which may arrive a little sooner or later.
+    is_told_by_datagrams: bool,
     /// What each joint's encoder was to show: what the plant's servos make of the datagrams that they got, or the command, its mean
     /// lag taken off; `None` without commands.
     pub(super) reference: Option<Vec<Track>>,
@@ -51,11 +56,13 @@ impl MeasuredPath {
         }
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
         let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &grid_s).ok());
+        let is_told_by_datagrams = response.is_some();
         let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
         let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
         let expected: Option<Vec<Nodes>> = response.map(|r| r.nominal).or_else(|| command.map(follow));
         let reference = expected.map(|joints| joints.into_iter().map(track).collect());
-        let mut path = Self { joints: Vec::new(), rate_sd: Vec::new(), reference, base: None, start_s, nodes };
+        let (joints, rate_sd) = (Vec::new(), Vec::new());
+        let mut path = Self { joints, rate_sd, is_told_by_datagrams, reference, base: None, start_s, nodes };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
         }
@@ -105,9 +112,18 @@ impl MeasuredPath {
         NODE_S
     }
 
-    /// Standard deviation of a joint's smoothed rate at `t_s`, rad/s.
+    /// Standard deviation of a joint's rate at `t_s`, rad/s: of the smoother, and of when datagrams arrive.
     pub(super) fn rate_sd(&self, joint: usize, t_s: f64) -> f64 {
-        self.rate_sd[joint].get(self.node(t_s)).copied().unwrap_or(0.0)
+        let smoothed = self.rate_sd[joint].get(self.node(t_s)).copied().unwrap_or(0.0);
+        smoothed.hypot(self.arrival_sd(joint, t_s))
+    }
+
+    /// How much of a joint's rate at `t_s` hangs on when a datagram arrives, root mean square, rad/s.
+    pub(super) fn arrival_sd(&self, joint: usize, t_s: f64) -> f64 {
+        let Some(reference) = self.reference.as_ref().filter(|_| self.is_told_by_datagrams) else { return 0.0 };
+        let rate = |by_s: f64| reference[joint].at(t_s + by_s)[1];
+        let squares = ARRIVALS.map(|by| (rate(by * ARRIVAL_SD_S) - rate(0.0)).powi(2));
+        (squares.iter().sum::<f64>() / ARRIVALS.len() as f64).sqrt()
     }
 
     /// How far a joint's path is from the reference at `t_s`: angle, rate, acceleration. Zeros without one.
@@ -188,4 +204,30 @@ fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]
         Track::new(grid_s.first().copied().unwrap_or(0.0), NODE_S, nodes)
     };
     Some([track(0), track(1), track(2)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_is_as_uncertain_as_what_it_changes_by_until_a_datagram_arrives() {
+        let nodes = (0..100).map(|k| NODE_S * f64::from(k)).map(|t| [t * t, 2.0 * t, 2.0]).collect();
+        let reference = Some(vec![Track::new(0.0, NODE_S, nodes)]);
+        let rate_sd = vec![vec![0.003; 100]];
+        let mut path = MeasuredPath {
+            joints: Vec::new(),
+            rate_sd,
+            is_told_by_datagrams: true,
+            reference,
+            base: None,
+            start_s: 0.0,
+            nodes: 100,
+        };
+        let by_arrival = 2.0 * ARRIVAL_SD_S;
+        assert!((path.arrival_sd(0, 0.2) / by_arrival - 1.0).abs() < 0.01);
+        assert!((path.rate_sd(0, 0.2) / by_arrival.hypot(0.003) - 1.0).abs() < 0.01);
+        path.is_told_by_datagrams = false;
+        assert_eq!((path.arrival_sd(0, 0.2), path.rate_sd(0, 0.2)), (0.0, 0.003));
+    }
 }
