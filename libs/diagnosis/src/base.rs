@@ -23,6 +23,7 @@ mod samples;
 mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
+use crate::memo::{Memo, are_loaded_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use crate::servo_response::{self, ClosedLoop, Elasticity, Nodes, Swing, datagrams, elasticity};
 use fss_estimation::Columns;
@@ -50,6 +51,8 @@ pub struct BaseBlock {
     samples: Samples,
     pose: PosePath,
     run: Run,
+    /// Whether any joint moves in it.
+    arm_moves: bool,
     /// The plant of the plant file.
     plant: Plant,
     nominal: Arc<About>,
@@ -68,6 +71,8 @@ struct About {
     /// The drives with which the joints' path was computed, and what joints' motion beside it changes; `None` without datagrams.
     drives: Option<(ClosedLoop, JointMotion)>,
     predictor: Predictor,
+    /// What the rows read but for what servos make of datagrams otherwise than with the drives above.
+    rows: Memo<Vec<f64>>,
     noise: NoiseModel,
 }
 
@@ -86,7 +91,7 @@ impl About {
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
         let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
         let drives = closed_loop(&predictor, &physics)?.map(|own| (own, beside));
-        Ok(Self { elasticity: elasticity(&physics), drives, predictor, noise })
+        Ok(Self { elasticity: elasticity(&physics), drives, predictor, rows: Memo::new(), noise })
     }
 
     /// What the rows change by where links swing on their motors, and where these move otherwise than with this plant's servos and
@@ -95,7 +100,7 @@ impl About {
         &self,
         (plant, effects): (&Plant, &[Effect]),
         physics: &Physics,
-        (samples, commands): (&Samples, Option<&Commands>),
+        (samples, commands, moves): (&Samples, Option<&Commands>, bool),
         swings: &Mutex<Swings>,
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let (Some((own, beside)), Some(commands)) = (&self.drives, commands) else { return Ok(None) };
@@ -115,6 +120,10 @@ impl About {
         let elasticity = elasticity(physics);
         if elasticity == self.elasticity {
             return Ok(rows(own.change(&physics.servos, nominal), &nominal.swings));
+        }
+        // Links hardly swing where joints rest: a first look does without.
+        if !moves && !self.elasticity.iter().any(Elasticity::is_elastic) {
+            return Ok(None);
         }
         let drives = [self.elasticity.clone(), elasticity];
         let kept = || swings.lock().unwrap_or_else(PoisonError::into_inner);
@@ -153,12 +162,14 @@ impl BaseBlock {
             return Ok(None);
         }
         let nominal = Arc::new(About::new(plant, (run, &samples, &pose), encoders)?);
+        let arm_moves = (1..=plant.link_count()).any(|joint| run.moves(joint));
         // What was sampled of the base is in `samples`.
         let run = Run { base_pose: None, ee_pose: None, gyro: None, ..run.clone() };
         Ok(Some(Self {
             samples,
             pose,
             run,
+            arm_moves,
             plant: plant.clone(),
             nominal,
             present: Mutex::new(None),
@@ -214,10 +225,11 @@ impl Block for BaseBlock {
 
     fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
         let about = self.about(plant, effects)?;
-        let motion = about.predictor.motion(plant, effects)?;
-        let mut rows = self.samples.read(&motion);
-        let records = (&self.samples, datagrams(plant, &self.run));
-        if let Some(change) = about.answer((plant, effects), &motion.physics, records, &self.swings)? {
+        let physics = Physics::with(plant, effects);
+        let read = || Ok(self.samples.read(&about.predictor.motion(plant, effects)?));
+        let mut rows = about.rows.get(&physics, are_loaded_alike, read)?.to_vec();
+        let records = (&self.samples, datagrams(plant, &self.run), self.arm_moves);
+        if let Some(change) = about.answer((plant, effects), &physics, records, &self.swings)? {
             rows.iter_mut().zip(change.iter()).for_each(|(v, c)| *v += c);
         }
         Ok(rows)
@@ -231,6 +243,7 @@ impl Block for BaseBlock {
     fn forget(&self) {
         *self.present() = None;
         self.nominal.predictor.forget();
+        self.nominal.rows.forget();
     }
 
     fn hyper_parameters(&self) -> &[HyperParameter] {

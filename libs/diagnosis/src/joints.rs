@@ -31,6 +31,7 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
+use crate::memo::{Memo, are_loaded_alike};
 use crate::servo_response::{self, Elasticity, Swing, datagrams, elasticity};
 use driven::Anchor;
 use fss_estimation::Columns;
@@ -39,6 +40,7 @@ use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Physics, Plant};
 use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
+use linearize::Loaded;
 use mechanics::{Loads, Mechanics, NominalThrust, WindUp};
 use noise::NoiseModel;
 use path::MeasuredPath;
@@ -78,6 +80,8 @@ pub struct JointBlock {
     present: Mutex<Option<Arc<Present>>>,
     /// How links swing on elastic drives, those that were asked for last.
     swings: Mutex<Vec<(Vec<Elasticity>, Arc<Swings>)>>,
+    /// What drives carry along the path.
+    loaded: Memo<Vec<Loaded>>,
     /// The nominal plant.
     plant: Plant,
     measured: Vec<f64>,
@@ -114,7 +118,7 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     let rigid = Mechanics::new(plant, &[], (run, &path, WindUp::OfLoads(&none)), Some(&thrust)).ok()?;
     let loads = if telemetry::is_driven(run) { Loads::default() } else { rigid.loads(&plant.sensors, &scale) };
     let mechanics = Mechanics::new(plant, &[], (run, &path, WindUp::OfLoads(&loads)), Some(&thrust)).ok()?;
-    let nominal = linearize::predict(&mechanics, &path, &rows);
+    let nominal = linearize::predict(&mechanics, &path, &rows, &linearize::loaded(&mechanics, &path, &rows));
     // Headings are known but for whole turns.
     for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
         row.value -= TAU * ((row.value - nominal) / TAU).round();
@@ -228,6 +232,7 @@ impl JointBlock {
             hyper,
             present: Mutex::new(None),
             swings: Mutex::default(),
+            loaded: Memo::new(),
             plant: plant.clone(),
             measured,
             channel_of_row,
@@ -290,6 +295,21 @@ impl JointBlock {
         Ok(WindUp::Simulated(tracks))
     }
 
+    /// What drives carry along the path with these effects.
+    fn loaded(
+        &self,
+        mechanics: &Mechanics,
+        path: &MeasuredPath,
+        effects: &[Effect],
+    ) -> Result<Arc<Vec<Loaded>>, ModelError> {
+        let loaded = || Ok(linearize::loaded(mechanics, path, &self.rows));
+        // With an onset, the plant is another one later.
+        if effects.iter().any(|e| e.onset_s().is_some()) {
+            return loaded().map(Arc::new);
+        }
+        self.loaded.get(mechanics.physics(0.0), are_loaded_alike, loaded)
+    }
+
     /// Makes the end-effector's rows independent ([`noise::Slopes::mix`]).
     fn mix(&self, model: &NoiseModel, columns: &mut Columns) {
         for (k, row) in self.rows.iter().enumerate().rev() {
@@ -321,7 +341,7 @@ impl Block for JointBlock {
         let about = present.linearization.as_ref().unwrap_or(&self.nominal);
         let mut out = match &self.anchors {
             Some(anchors) => driven::predict_driven(&mechanics, path, &self.rows, anchors),
-            None => linearize::predict(&mechanics, path, &self.rows),
+            None => linearize::predict(&mechanics, path, &self.rows, &self.loaded(&mechanics, path, effects)?),
         };
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
         Ok(out)
@@ -329,6 +349,7 @@ impl Block for JointBlock {
 
     fn forget(&self) {
         *self.present() = None;
+        self.loaded.forget();
         self.swings.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 

@@ -28,6 +28,7 @@ mod gram;
 mod joint_telemetry;
 pub mod joints;
 mod linearized;
+mod memo;
 mod misfit;
 mod path;
 mod problem;
@@ -50,6 +51,7 @@ use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
 use search::{Rewired, Searched};
 use std::cell::OnceCell;
+use std::collections::BTreeSet;
 use tuning::Tuning;
 
 /// Diagnoses measured runs of a plant. Validation runs judge the answer; they play no part in choosing it.
@@ -97,6 +99,8 @@ fn answer(
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
     let (mut tuning, mut hyper) = (Tuning::default(), None);
+    // With other gains, the same candidates are worth a look.
+    let mut among: Option<BTreeSet<usize>> = None;
     let mut again = 0;
     loop {
         let problem = Problem::new(plant, records.0, &tuning)?;
@@ -117,7 +121,7 @@ fn answer(
             }
             Ok(tuned.get().map(|(_, log_posterior)| *log_posterior))
         };
-        let Some(searched) = search::search(&problem, nothing, &rival, say)? else {
+        let Some(searched) = search::search(&problem, nothing, among.as_ref(), &rival, say)? else {
             (tuning, hyper) = (tuned.into_inner().map_or(gains, |(gains, _)| gains), Some(known));
             continue;
         };
@@ -125,7 +129,7 @@ fn answer(
         if again == RETUNED || found.is_near(&tuning) {
             return answer_of(&searched, records, wiring, say);
         }
-        (tuning, hyper) = (found, Some(known));
+        (tuning, hyper, among) = (found, Some(known), Some(searched.search.looked_at));
         again += 1;
     }
 }

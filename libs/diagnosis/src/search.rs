@@ -76,17 +76,20 @@ pub(crate) fn without_causes(
     Ok(NoCause { uncertain, hyper, means, log_posterior })
 }
 
-/// Searches. `None` where a soft drive is less probable than a `rival`, which is asked for where one comes up: a logarithm.
+/// Searches `among` some candidates, or all. `None` where a soft drive is less probable than a `rival`, which is asked for where one
+/// comes up: a logarithm.
 pub(crate) fn search<'a>(
     problem: &'a Problem,
     NoCause { uncertain, hyper: null_hyper, .. }: NoCause,
+    among: Option<&BTreeSet<usize>>,
     rival: &dyn Fn() -> Result<Option<f64>, ModelError>,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Option<Searched<'a>>, ModelError> {
     let mut search = Search::new(problem);
     let mut model = Vec::new();
     say("linearizing");
-    let at_first = |c: usize, family: usize| problem.at_first(c, family);
+    let is_among = |c: usize| among.is_none_or(|among| among.contains(&c));
+    let at_first = |c: usize, family: usize| is_among(c) && problem.at_first(c, family);
     let mut linearized = problem.linearized(&model, Slope::Secant, &at_first, Kept::All(uncertain))?;
     let mut hyper = null_hyper.clone();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
@@ -95,7 +98,7 @@ pub(crate) fn search<'a>(
     for round in 1..=ROUNDS {
         say(&format!("searching for up to {largest}, round {round}"));
         if !unchanged {
-            search.shortlist(&linearized, &model, &null_hyper, &hyper);
+            search.shortlist(&linearized, &model, (&null_hyper, &hyper), &is_among);
             let chosen = &search.chosen;
             let wanted = |c: usize, family: usize| chosen.contains(&c) && (round > 1 || !problem.at_first(c, family));
             linearized = problem.linearized(&model, Slope::Secant, &wanted, Kept::All(linearized))?;

@@ -66,18 +66,18 @@ pub fn step_rk4_momentum(
     });
     let before = model.whole(state);
     let after = model.whole(&end);
-    let (mass, linear) = (model.total_mass_kg(), before.momentum.xy());
+    let (mass, linear) = (model.total_mass_kg(), before.generalized_momentum.xy());
     let way = (step_s * linear + shift) / mass;
-    let center = state.q.xy() + before.center + way;
-    let origin = center - after.center;
+    let center = state.q.xy() + before.center_m + way;
+    let origin = center - after.center_m;
     end.q[0] = origin.x;
     end.q[1] = origin.y;
 
     // What is missing moves base and arm as one rigid body.
-    let wanted = about_table(state, &before.momentum.xyz()) + impulse;
-    let missing = wanted - about_table(&end, &after.momentum.xyz());
-    let spin = (missing.z - cross(&center, &missing.xy())) / after.inertia;
-    let velocity = missing.xy() / mass - spin * perp(&after.center);
+    let wanted = about_table(state, &before.generalized_momentum.xyz()) + impulse;
+    let missing = wanted - about_table(&end, &after.generalized_momentum.xyz());
+    let spin = (missing.z - cross(&center, &missing.xy())) / after.inertia_kg_m2;
+    let velocity = missing.xy() / mass - spin * perp(&after.center_m);
     end.v[0] += velocity.x;
     end.v[1] += velocity.y;
     end.v[2] += spin;

@@ -89,7 +89,7 @@ mod trig;
 pub use dynamics::{Hybrid, Prescribed};
 pub use kinematics::Kinematics;
 pub use model::{Base, Body, Link, Model, ModelError};
-pub use momentum::Momentum;
+pub use momentum::{Momentum, Whole};
 pub use parameters::Parameter;
 pub use resolve::{Manipulability, damped_pseudoinverse, damping_near_singularity, singular_values};
 pub use state::{Coordinates, Jacobian, JointJacobian, JointVector, MassMatrix, State, coordinates, wrapped};

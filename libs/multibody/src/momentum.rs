@@ -26,27 +26,21 @@ impl Momentum {
 impl Model {
     /// Linear and angular momentum (reflected rotor inertia carries none: see [`crate::Link::rotor_inertia_kg_m2`]).
     pub fn momentum(&self, state: &State) -> Momentum {
-        let whole = self.whole(state);
-        let linear = Vector2::new(whole.momentum[0], whole.momentum[1]);
-        Momentum {
-            linear,
-            angular_about_base: whole.momentum[2],
-            angular_about_com: whole.momentum[2] - cross(&whole.center, &linear),
-        }
+        self.whole(state).momentum()
     }
 
     /// Generalized momentum `H v`: first the momentum about the base origin, then one entry a joint.
     pub fn generalized_momentum(&self, state: &State) -> Coordinates {
-        self.whole(state).momentum
+        self.whole(state).generalized_momentum
     }
 
     /// Moment of inertia of base and arm together about their centre of mass with all joints locked, kg m^2.
     pub fn inertia_about_com(&self, q: &Coordinates) -> f64 {
-        self.whole(&State::at_rest(*q)).inertia
+        self.whole(&State::at_rest(*q)).inertia_kg_m2
     }
 
     /// Momentum, centre of mass and locked inertia in one pass.
-    pub(crate) fn whole(&self, state: &State) -> Whole {
+    pub fn whole(&self, state: &State) -> Whole {
         by_bodies!(self, whole(self, state))
     }
 
@@ -72,10 +66,10 @@ impl Model {
         let mut state = State::at_rest(*q);
         state.v.fixed_rows_mut::<MAX_LINKS>(3).copy_from(joint_rates);
         let whole = self.whole(&state);
-        let linear = momentum.xy() - whole.momentum.xy();
-        let angular = momentum.z - whole.momentum[2] - cross(&whole.center, &linear);
-        let turn = angular / whole.inertia;
-        let drift = linear * self.lumps.per_mass - turn * perp(&whole.center);
+        let linear = momentum.xy() - whole.generalized_momentum.xy();
+        let angular = momentum.z - whole.generalized_momentum[2] - cross(&whole.center_m, &linear);
+        let turn = angular / whole.inertia_kg_m2;
+        let drift = linear * self.lumps.per_mass - turn * perp(&whole.center_m);
         Vector3::new(drift.x, drift.y, turn)
     }
 
@@ -114,14 +108,25 @@ impl Model {
     }
 }
 
-/// Base and arm as one.
-pub(crate) struct Whole {
-    /// Generalized momentum `H v`.
-    pub(crate) momentum: Coordinates,
+/// Base and arm as one body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Whole {
+    /// Generalized momentum `H v`: linear, angular about the base frame's origin, then one entry a joint.
+    pub generalized_momentum: Coordinates,
     /// Centre of mass as seen from the base origin, table axes, m.
-    pub(crate) center: Vector2<f64>,
+    pub center_m: Vector2<f64>,
     /// Moment of inertia about the centre of mass with all joints locked, kg m^2.
-    pub(crate) inertia: f64,
+    pub inertia_kg_m2: f64,
+}
+
+impl Whole {
+    /// Linear and angular momentum.
+    pub fn momentum(&self) -> Momentum {
+        let linear = Vector2::new(self.generalized_momentum[0], self.generalized_momentum[1]);
+        let angular_about_base = self.generalized_momentum[2];
+        let angular_about_com = angular_about_base - cross(&self.center_m, &linear);
+        Momentum { linear, angular_about_base, angular_about_com }
+    }
 }
 
 /// `H v` by the two sweeps of inverse dynamics with velocities in the accelerations' place.
@@ -159,5 +164,6 @@ fn whole<const B: usize>(model: &Model, state: &State) -> Whole {
     momentum[0] = linear.x;
     momentum[1] = linear.y;
     let center = first_moment * lumps.per_mass;
-    Whole { momentum, center, inertia: inertia - center.dot(&first_moment) }
+    let inertia_kg_m2 = inertia - center.dot(&first_moment);
+    Whole { generalized_momentum: momentum, center_m: center, inertia_kg_m2 }
 }

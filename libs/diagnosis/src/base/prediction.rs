@@ -1,45 +1,10 @@
 //! The motion of the base that forces along the measured path give.
 
+use crate::memo::{Memo, are_geared_alike};
 use crate::path::{EncoderPath, PosePath};
 use fss_multibody::{Coordinates, JointVector, MAX_DOF, Model, ModelError, State};
 use fss_plant::{BaseMotion, Effect, Grid, JointSample, Physics, Plant, Rollout, ValveHistory};
-use std::sync::{Arc, Mutex};
-
-/// Values that hang on a few parts of the physics, kept for the physics that were asked for last.
-struct Memo<V>(Mutex<Vec<(Physics, Arc<V>)>>);
-
-/// Enough for the plant itself and for each thread's own present variation.
-const KEPT: usize = 4;
-
-impl<V> Memo<V> {
-    fn new() -> Self {
-        Self(Mutex::new(Vec::new()))
-    }
-
-    fn get<E>(
-        &self,
-        physics: &Physics,
-        same: impl Fn(&Physics, &Physics) -> bool,
-        make: impl FnOnce() -> Result<V, E>,
-    ) -> Result<Arc<V>, E> {
-        let lock = || self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some((_, value)) = lock().iter().find(|(kept, _)| same(kept, physics)) {
-            return Ok(value.clone());
-        }
-        let value = Arc::new(make()?);
-        let mut kept = lock();
-        if kept.len() == KEPT {
-            // The first is the plant as it is, or as it is about to be extended: the one asked for most.
-            kept.remove(1);
-        }
-        kept.push((physics.clone(), value.clone()));
-        Ok(value)
-    }
-
-    fn forget(&self) {
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clear();
-    }
-}
+use std::sync::Arc;
 
 /// Base and arm as one body at the edges of the grid, base axes.
 pub(super) struct Carriage {
@@ -110,7 +75,7 @@ impl Predictor {
         let same = |a: &Physics, b: &Physics| {
             a.base == b.base
                 && a.links == b.links
-                && a.joints == b.joints
+                && are_geared_alike(a, b)
                 && a.payload_kg == b.payload_kg
                 && a.grasped == b.grasped
                 && a.sensors.link_delay_s == b.sensors.link_delay_s
@@ -135,21 +100,14 @@ impl Predictor {
             },
             samples: Vec::with_capacity(angle.len()),
         };
-        let at_rest = Coordinates::zeros();
-        let (com, inertia) = (model.center_of_mass(&at_rest), model.inertia_about_com(&at_rest));
+        let at_rest = model.whole(&State::at_rest(Coordinates::zeros()));
         for (q_rad, qd_rad_s) in angle.into_iter().zip(rate) {
             out.samples.push(JointSample { q_rad, qd_rad_s });
-            if moves {
-                let state = State { q: joints_only(&q_rad), v: joints_only(&qd_rad_s) };
-                let com = model.center_of_mass(&state.q);
-                out.com_m.push([com.x, com.y]);
-                out.inertia_kg_m2.push(model.inertia_about_com(&state.q));
-                out.joint_momentum.push(model.momentum(&state).angular_about_com);
-            } else {
-                out.com_m.push([com.x, com.y]);
-                out.inertia_kg_m2.push(inertia);
-                out.joint_momentum.push(0.0);
-            }
+            let state = || State { q: joints_only(&q_rad), v: joints_only(&qd_rad_s) };
+            let whole = if moves { model.whole(&state()) } else { at_rest };
+            out.com_m.push([whole.center_m.x, whole.center_m.y]);
+            out.inertia_kg_m2.push(whole.inertia_kg_m2);
+            out.joint_momentum.push(whole.momentum().angular_about_com);
         }
         Ok(out)
     }

@@ -23,7 +23,7 @@ impl Linearization {
         (path, rows, scale): (&MeasuredPath, &[Row], &[f64]),
         model: &NoiseModel,
     ) -> Option<Self> {
-        let readings = linearize::predict(mechanics, path, rows);
+        let readings = linearize::predict(mechanics, path, rows, &linearize::loaded(mechanics, path, rows));
         let averaging = linearize::averaging(mechanics, path, rows, &readings);
         if readings.iter().chain(&averaging).any(|v| !v.is_finite()) {
             return None;

@@ -14,51 +14,91 @@ const DIFFERENCE: f64 = 1e-4;
 
 /// Readings of all joints at one time: currents where there is one, and torques.
 struct Drives {
-    stamp_s: f64,
     current_a: JointVector,
     torque_n_m: JointVector,
     motor_n_m: JointVector,
 }
 
-/// Readings at the stamp `stamp_s`.
-fn drives(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64) -> Drives {
-    let zero = JointVector::zeros();
-    let mut out = Drives { stamp_s, current_a: zero, torque_n_m: zero, motor_n_m: zero };
-    let mut known: Option<(f64, ArmState, JointVector)> = None;
-    for i in 0..path.joints.len() {
-        let t_s = stamp_s - mechanics.physics(stamp_s).sensors.link_age_s(i);
-        if known.as_ref().is_none_or(|k| k.0 != t_s) {
-            let (arm, base) = (mechanics.arm(t_s), mechanics.base(t_s));
-            known = Some((t_s, arm, mechanics.torques(t_s, &base, &arm, mechanics.thrust(t_s))));
+/// What drives carry when the readings of one stamp were taken.
+pub(super) struct Loaded {
+    /// Standard deviation of each joint's rate, rad/s.
+    rate_sd: JointVector,
+    /// Arm and torques on its links, N m, at each time at which joints were read, s.
+    at: Vec<(f64, ArmState, JointVector)>,
+}
+
+/// When a joint was read whose reading has this stamp.
+fn read_at(mechanics: &Mechanics, stamp_s: f64, joint: usize) -> f64 {
+    stamp_s - mechanics.physics(stamp_s).sensors.link_age_s(joint)
+}
+
+impl Loaded {
+    fn new(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64) -> Self {
+        let (links, mut at) = (path.joints.len(), Vec::<(f64, ArmState, JointVector)>::with_capacity(1));
+        for t_s in (0..links).map(|i| read_at(mechanics, stamp_s, i)) {
+            if at.iter().all(|(known_s, ..)| *known_s != t_s) {
+                let (arm, base) = (mechanics.arm(t_s), mechanics.base(t_s));
+                at.push((t_s, arm, mechanics.torques(t_s, &base, &arm, mechanics.thrust(t_s))));
+            }
         }
-        let Some((_, arm, torques)) = &known else { continue };
-        let motor = mechanics.motor_torque(t_s, i, torques[i], arm, path.rate_sd(i, stamp_s));
-        out.motor_n_m[i] = motor;
-        out.current_a[i] = mechanics.current(t_s, i, motor);
-        out.torque_n_m[i] = mechanics.physics(t_s).joints[i].torque_reading(torques[i]);
+        let mut rate_sd = JointVector::zeros();
+        (0..links).for_each(|i| rate_sd[i] = path.rate_sd(i, stamp_s));
+        Self { rate_sd, at }
     }
-    out
+
+    /// Readings at the stamp `stamp_s`.
+    fn drives(&self, mechanics: &Mechanics, stamp_s: f64, links: usize) -> Drives {
+        let zero = JointVector::zeros();
+        let mut out = Drives { current_a: zero, torque_n_m: zero, motor_n_m: zero };
+        for i in 0..links {
+            let read_s = read_at(mechanics, stamp_s, i);
+            let Some((t_s, arm, torques)) = self.at.iter().find(|(t_s, ..)| *t_s == read_s) else { continue };
+            let motor = mechanics.motor_torque(*t_s, i, torques[i], arm, self.rate_sd[i]);
+            out.motor_n_m[i] = motor;
+            out.current_a[i] = mechanics.current(*t_s, i, motor);
+            out.torque_n_m[i] = mechanics.physics(*t_s).joints[i].torque_reading(torques[i]);
+        }
+        out
+    }
+}
+
+/// What drives carry at each moment.
+pub(super) fn loaded(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row]) -> Vec<Loaded> {
+    moments(rows).iter().map(|moment| Loaded::new(mechanics, path, rows[moment.start].t_s)).collect()
 }
 
 /// What rows of these kinds read at one time.
 pub(super) fn readings(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64, kinds: &[Kind]) -> Vec<f64> {
+    readings_of(mechanics, path, stamp_s, kinds.iter().copied(), None).collect()
+}
+
+/// The same, where it is known what drives carry or not.
+fn readings_of<'a>(
+    mechanics: &'a Mechanics,
+    path: &'a MeasuredPath,
+    stamp_s: f64,
+    kinds: impl Iterator<Item = Kind> + 'a,
+    loaded: Option<&'a Loaded>,
+) -> impl Iterator<Item = f64> + 'a {
+    let links = path.joints.len();
     let mut known: Option<Drives> = None;
     let mut tip = None;
-    let mut reading = |kind: &Kind| match *kind {
+    kinds.map(move |kind| match kind {
         Kind::Angle(i) => path.joints[i].at(stamp_s)[0],
         Kind::Rate(i) => path.joints[i].at(stamp_s)[1],
         Kind::Tip(axis) => tip.get_or_insert_with(|| mechanics.end_effector(stamp_s))[axis],
         Kind::Current(i) | Kind::Torque(i) | Kind::Undriven(i) => {
-            let drives = known.get_or_insert_with(|| drives(mechanics, path, stamp_s));
-            debug_assert!(drives.stamp_s == stamp_s);
+            let drives = known.get_or_insert_with(|| match loaded {
+                Some(loaded) => loaded.drives(mechanics, stamp_s, links),
+                None => Loaded::new(mechanics, path, stamp_s).drives(mechanics, stamp_s, links),
+            });
             match kind {
                 Kind::Current(_) => drives.current_a[i],
                 Kind::Torque(_) => drives.torque_n_m[i],
                 _ => drives.motor_n_m[i],
             }
         }
-    };
-    kinds.iter().map(&mut reading).collect()
+    })
 }
 
 /// Standard deviation of the time by which rates lag, the same for all joints of a run, s: they are derivatives after a filter
@@ -93,12 +133,13 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
     }
 }
 
-/// What all rows read at their times.
-pub(super) fn predict(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row]) -> Vec<f64> {
+/// What all rows read at their times, where drives carry this.
+pub(super) fn predict(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], loaded: &[Loaded]) -> Vec<f64> {
     let mut out = Vec::with_capacity(rows.len());
-    for moment in moments(rows) {
-        let kinds: Vec<Kind> = rows[moment.clone()].iter().map(|r| r.kind).collect();
-        out.extend(readings(mechanics, path, rows[moment.start].t_s, &kinds));
+    for (moment, loaded) in moments(rows).into_iter().zip(loaded) {
+        let own = &rows[moment];
+        let kinds = own.iter().map(|r| r.kind);
+        out.extend(readings_of(mechanics, path, own[0].t_s, kinds, Some(loaded)));
     }
     out
 }

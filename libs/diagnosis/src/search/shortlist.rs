@@ -13,8 +13,14 @@ const SHAPES: usize = 3;
 const OF_A_KIND: usize = 8;
 
 impl Search<'_> {
-    /// Chooses the candidates that explain most beside the present model, at some strength of the discrepancy.
-    pub(super) fn shortlist(&mut self, linearized: &Linearized, model: &[Present], null: &[f64], present: &[f64]) {
+    /// Chooses the candidates among some that explain most beside the present model, at some strength of the discrepancy.
+    pub(super) fn shortlist(
+        &mut self,
+        linearized: &Linearized,
+        model: &[Present],
+        (null, present): (&[f64], &[f64]),
+        is_among: &dyn Fn(usize) -> bool,
+    ) {
         let problem = self.problem;
         let of_model = |p: &Present| -> Vec<(usize, f64)> {
             let typical = &problem.candidates[p.candidate].prior.typical;
@@ -45,7 +51,7 @@ impl Search<'_> {
             best.iter_mut().zip(values).for_each(|(b, value)| *b = b.max(value + prior));
         }
         let value = |c: usize| best[c] + self.log_prior[c];
-        let mut order: Vec<usize> = (0..best.len()).filter(|c| best[*c] > f64::NEG_INFINITY).collect();
+        let mut order: Vec<usize> = (0..best.len()).filter(|c| is_among(*c) && best[*c] > f64::NEG_INFINITY).collect();
         order.sort_by(|a, b| value(*b).total_cmp(&value(*a)).then(a.cmp(b)));
         let mut chosen: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let mut of_kind: HashMap<&str, usize> = HashMap::new();
@@ -59,6 +65,7 @@ impl Search<'_> {
         }
         chosen.sort_unstable();
         (self.parameters, self.position) = self.parameters_with(&chosen);
+        self.looked_at.extend(&chosen);
         self.chosen = chosen;
     }
 }

@@ -22,6 +22,12 @@ pub struct BaseLaw {
     pub values: [f64; MAX_PARAMETERS],
 }
 
+impl PartialEq for BaseLaw {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::fn_addr_eq(self.law, other.law) && self.values == other.values
+    }
+}
+
 /// A smooth torque on a link at its joint, beside the drive (N m).
 #[derive(Debug, Clone, Copy)]
 pub struct JointLaw {
@@ -31,4 +37,10 @@ pub struct JointLaw {
     pub law: fn(&[f64; MAX_PARAMETERS], f64, f64, f64) -> f64,
     /// The effect's parameters.
     pub values: [f64; MAX_PARAMETERS],
+}
+
+impl PartialEq for JointLaw {
+    fn eq(&self, other: &Self) -> bool {
+        self.joint == other.joint && std::ptr::fn_addr_eq(self.law, other.law) && self.values == other.values
+    }
 }

@@ -18,7 +18,7 @@ use crate::file::Plant;
 use crate::parts::Servo;
 
 /// The plant's values with its effects built in.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Physics {
     /// The base.
     pub base: BasePhysics,

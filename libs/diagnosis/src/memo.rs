@@ -1,0 +1,57 @@
+//! What is computed once for plants that are alike in what it hangs on.
+
+use fss_plant::Physics;
+use std::sync::{Arc, Mutex};
+
+/// Values that hang on a few parts of the physics, kept for the physics that were asked for last.
+pub(crate) struct Memo<V>(Mutex<Vec<(Physics, Arc<V>)>>);
+
+/// Whether the links of two plants move alike with what their encoders show.
+pub(crate) fn are_geared_alike(a: &Physics, b: &Physics) -> bool {
+    let of = |physics: &Physics, i: usize| {
+        let joint = &physics.joints[i];
+        let gear = [joint.backlash_rad, joint.kinematic_error_rad, joint.kinematic_cycles];
+        let spring = (joint.stiffness_n_m_rad, physics.servos[i].gear_stiffness_n_m_rad);
+        (gear, spring, [joint.encoder_scale, joint.encoder_offset_rad])
+    };
+    a.joints.len() == b.joints.len() && (0..a.joints.len()).all(|i| of(a, i) == of(b, i))
+}
+
+/// Whether the same motion takes the same torques on the links of two plants: their drives alone differ.
+pub(crate) fn are_loaded_alike(a: &Physics, b: &Physics) -> bool {
+    let driven = Physics { joints: b.joints.clone(), servos: b.servos.clone(), ..a.clone() };
+    are_geared_alike(a, b) && driven == *b
+}
+
+/// Enough for the plant itself and for each thread's own present variation.
+const KEPT: usize = 4;
+
+impl<V> Memo<V> {
+    pub(crate) fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    pub(crate) fn get<E>(
+        &self,
+        physics: &Physics,
+        same: impl Fn(&Physics, &Physics) -> bool,
+        make: impl FnOnce() -> Result<V, E>,
+    ) -> Result<Arc<V>, E> {
+        let lock = || self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, value)) = lock().iter().find(|(kept, _)| same(kept, physics)) {
+            return Ok(value.clone());
+        }
+        let value = Arc::new(make()?);
+        let mut kept = lock();
+        if kept.len() == KEPT {
+            // The first is the plant as it is, or as it is about to be extended: the one asked for most.
+            kept.remove(1);
+        }
+        kept.push((physics.clone(), value.clone()));
+        Ok(value)
+    }
+
+    pub(crate) fn forget(&self) {
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clear();
+    }
+}
