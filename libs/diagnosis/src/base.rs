@@ -25,7 +25,7 @@ mod thrust_errors;
 use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, ClosedLoop, Elasticity, Nodes, Swing, datagrams, elasticity};
+use crate::servo_response::{self, Answers, ClosedLoop, Elasticity, Nodes, Swing, datagrams, elasticity};
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
@@ -51,6 +51,7 @@ pub struct BaseBlock {
     samples: Samples,
     pose: PosePath,
     run: Run,
+    answers: Arc<Answers>,
     /// Whether any joint moves in it.
     arm_moves: bool,
     /// The plant of the plant file.
@@ -101,7 +102,7 @@ impl About {
         (plant, effects): (&Plant, &[Effect]),
         physics: &Physics,
         (samples, commands, moves): (&Samples, Option<&Commands>, bool),
-        swings: &Mutex<Swings>,
+        (answers, swings): (&Answers, &Mutex<Swings>),
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let (Some((own, beside)), Some(commands)) = (&self.drives, commands) else { return Ok(None) };
         let Some(nominal) = &self.predictor.encoders.response else { return Ok(None) };
@@ -131,7 +132,7 @@ impl About {
             return Ok(known.clone());
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
-        let swing = servo_response::response(&plant, commands, &self.predictor.encoders.grid.edges_s())?;
+        let swing = answers.response(&plant, commands, &self.predictor.encoders.grid.edges_s())?;
         let rows = rows(Some(swing.beside(nominal)), &swing.swings);
         kept().push((drives, rows.clone()));
         Ok(rows)
@@ -145,6 +146,11 @@ impl BaseBlock {
     /// # Errors
     /// When the plant's masses or inertias are impossible.
     pub fn new(plant: &Plant, run: &Run) -> Result<Option<Self>, ModelError> {
+        Self::with_answers(plant, run, &Arc::default())
+    }
+
+    /// The same, with answers of servos that other channels of the run share.
+    pub(crate) fn with_answers(plant: &Plant, run: &Run, answers: &Arc<Answers>) -> Result<Option<Self>, ModelError> {
         if plant.base.clamped {
             return Ok(None);
         }
@@ -156,7 +162,7 @@ impl BaseBlock {
         let longest_s = if datagrams(plant, run).is_some() { SERVO_CELL_S } else { LONGEST_CELL_S };
         let grid = TimeGrid::over(first, last, cell_s(&samples).min(longest_s));
         let pose = PosePath::smoothed(&samples.block_times(), &samples.block_poses(), samples.block_sd(), grid);
-        let encoders = EncoderPath::smoothed(run, plant, grid);
+        let encoders = EncoderPath::smoothed(run, plant, grid, answers);
         // A drive follows its command to hundredths of a radian, which the base notices: such a run tells nothing.
         if encoders.moves_unseen {
             return Ok(None);
@@ -169,6 +175,7 @@ impl BaseBlock {
             samples,
             pose,
             run,
+            answers: answers.clone(),
             arm_moves,
             plant: plant.clone(),
             nominal,
@@ -192,7 +199,7 @@ impl BaseBlock {
             self.nominal.clone()
         } else {
             let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
-            let encoders = EncoderPath::smoothed(&self.run, &plant, self.pose.grid);
+            let encoders = EncoderPath::smoothed(&self.run, &plant, self.pose.grid, &self.answers);
             Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
         };
         *self.present() = Some(about.clone());
@@ -229,7 +236,7 @@ impl Block for BaseBlock {
         let read = || Ok(self.samples.read(&about.predictor.motion(plant, effects)?));
         let mut rows = about.rows.get(&physics, are_loaded_alike, read)?.to_vec();
         let records = (&self.samples, datagrams(plant, &self.run), self.arm_moves);
-        if let Some(change) = about.answer((plant, effects), &physics, records, &self.swings)? {
+        if let Some(change) = about.answer((plant, effects), &physics, records, (&self.answers, &self.swings))? {
             rows.iter_mut().zip(change.iter()).for_each(|(v, c)| *v += c);
         }
         Ok(rows)

@@ -32,7 +32,7 @@ mod track;
 
 use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike};
-use crate::servo_response::{self, Elasticity, Swing, datagrams, elasticity};
+use crate::servo_response::{self, Answers, Elasticity, Swing, datagrams, elasticity};
 use driven::Anchor;
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
@@ -66,6 +66,7 @@ const KEPT_SWINGS: usize = 4;
 /// The joints' channels of a run.
 pub struct JointBlock {
     run: Run,
+    answers: Arc<Answers>,
     path: MeasuredPath,
     loads: Loads,
     thrust: NominalThrust,
@@ -106,7 +107,12 @@ struct Present {
 /// The joints' channels of a run; `None` where it lacks what it takes: a joint each of which reports angle or rate, and
 /// something that depends on more than the encoders.
 pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
-    let path = MeasuredPath::new(plant, run)?;
+    joint_block_with(plant, run, &Arc::default())
+}
+
+/// The same, with answers of servos that other channels of the run share.
+pub(crate) fn joint_block_with(plant: &Plant, run: &Run, answers: &Arc<Answers>) -> Option<JointBlock> {
+    let path = MeasuredPath::new(plant, run, answers)?;
     let mut rows = rows::rows(plant, run, &path);
     let tells = |row: &Row| !matches!(row.kind, Kind::Angle(_) | Kind::Rate(_));
     if rows::moments(&rows).len() < FEWEST_MOMENTS || !rows.iter().any(tells) {
@@ -130,7 +136,8 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
     if let Some(anchors) = &anchors {
         driven::add_rotors_and_encoders(&path, &rows, anchors, &mut nominal.model.slopes);
     }
-    let mut block = JointBlock::assembled((plant, run), (path, loads, thrust, anchors), (rows, scale), nominal);
+    let mut block =
+        JointBlock::assembled((plant, run, answers), (path, loads, thrust, anchors), (rows, scale), nominal);
     // A joint without a motor balances its torques without a sensor: errors are told over a hundredth of the typical torque.
     for (row, noise) in block.rows.iter().zip(&mut block.noise_of_row) {
         if let Kind::Undriven(joint) = row.kind {
@@ -199,7 +206,7 @@ fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
 
 impl JointBlock {
     fn assembled(
-        (plant, run): (&Plant, &Run),
+        (plant, run, answers): (&Plant, &Run, &Arc<Answers>),
         (path, loads, thrust, anchors): (MeasuredPath, Loads, NominalThrust, Option<Vec<Option<Anchor>>>),
         (rows, scale): (Vec<Row>, Vec<f64>),
         nominal: Linearization,
@@ -222,6 +229,7 @@ impl JointBlock {
         let run = Run { ee_pose: None, gyro: None, ..run.clone() };
         Self {
             run,
+            answers: answers.clone(),
             path,
             loads,
             thrust,
@@ -253,7 +261,7 @@ impl JointBlock {
         let answers = is_elastic && !servo_response::answer_alike(plant, effects, &self.plant);
         let path = if answers && datagrams(plant, &self.run).is_some() {
             let moving = servo_response::with_exactly(plant, &servo_response::moving(effects));
-            MeasuredPath::new(&moving, &self.run)
+            MeasuredPath::new(&moving, &self.run, &self.answers)
         } else {
             None
         };
@@ -283,7 +291,7 @@ impl JointBlock {
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
         let grid_s: Vec<f64> = self.path.grid_s().collect();
-        let swings = servo_response::response(&plant, commands, &grid_s)?.swings.unwrap_or_default();
+        let swings = self.answers.response(&plant, commands, &grid_s)?.swings.unwrap_or_default();
         let track = |swing: Swing| {
             let sd = swing.sd.into_iter().map(|[angle, _]| [angle, 0.0, 0.0]).collect();
             [self.path.track(swing.ahead), self.path.track(sd)]

@@ -2,7 +2,7 @@
 //! deviations from it stay small however large a fault is.
 
 use crate::joint_telemetry::JointTelemetry;
-use crate::servo_response::{self, Nodes, Response, datagrams};
+use crate::servo_response::{Answers, Nodes, Response, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
 use fss_experiments::measured::{Many, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
@@ -129,9 +129,9 @@ impl EncoderPath {
     /// Between two reports a joint deviates smoothly from what it follows; without reports it follows that.
     /// What it follows is what the plant's servos make of the datagrams that they got, or where there are none the command, the
     /// servo's mean lag taken off.
-    pub(crate) fn smoothed(run: &Run, plant: &Plant, grid: TimeGrid) -> Self {
+    pub(crate) fn smoothed(run: &Run, plant: &Plant, grid: TimeGrid, answers: &Answers) -> Self {
         let edges = grid.edges_s();
-        let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &edges).ok());
+        let response = datagrams(plant, run).and_then(|c| answers.response(plant, c, &edges).ok());
         let (sensors, joints) = (&plant.sensors, plant.link_count());
         let zeros = vec![JointVector::zeros(); edges.len()];
         let mut path = Self {

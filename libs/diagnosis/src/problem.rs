@@ -3,7 +3,7 @@
 use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, Records, candidates};
-use crate::joints::joint_block;
+use crate::joints::joint_block_with;
 pub(crate) use crate::linearized::{Kept, Linearized, Slope};
 use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
@@ -12,6 +12,7 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Plant, Response};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A block, the run that it is of, and its family: blocks of a family share hyper-parameters.
 pub(crate) struct Member {
@@ -67,8 +68,9 @@ pub(crate) struct Problem {
 /// The blocks of all runs. A family has one noise model: what does not share it with the first of its family is left out.
 fn members(plant: &Plant, runs: &[Run]) -> Result<Vec<Member>, ModelError> {
     let of_run = |run: &Run| -> Result<[Option<Box<dyn Block>>; 2], ModelError> {
-        let base = BaseBlock::new(plant, run)?.map(|b| Box::new(b) as Box<dyn Block>);
-        Ok([base, joint_block(plant, run).map(|b| Box::new(b) as Box<dyn Block>)])
+        let answers = Arc::default();
+        let base = BaseBlock::with_answers(plant, run, &answers)?.map(|b| Box::new(b) as Box<dyn Block>);
+        Ok([base, joint_block_with(plant, run, &answers).map(|b| Box::new(b) as Box<dyn Block>)])
     };
     let blocks: Vec<_> = runs.par_iter().map(of_run).collect::<Result<_, ModelError>>()?;
     let mut members: Vec<Member> = Vec::new();

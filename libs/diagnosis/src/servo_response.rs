@@ -13,6 +13,7 @@ use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, JointCommand, Physics, Place, Plant, Servo, Simulation};
+use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) use swing::{Elasticity, Swing, elasticity};
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
@@ -62,22 +63,59 @@ struct Instant {
     error: Error,
 }
 
-/// The answer of a plant's servos at the times `grid_s`, s.
-///
-/// # Errors
-/// When the plant's masses are impossible.
-pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
-    let still = Plant { disturbance: None, ..plant.clone() };
-    let mut times = Vec::new();
-    let mut states: Vec<Vec<Instant>> = vec![Vec::new(); plant.link_count()];
-    commands.play(&still, 0, 1, |simulation| {
-        times.push(simulation.t_s());
-        states.iter_mut().enumerate().for_each(|(i, own)| own.push(instant(plant, commands, simulation, i)));
-    })?;
+/// A simulation of the joints: times, s, and each joint's states.
+#[derive(Debug)]
+struct Simulated {
+    t_s: Vec<f64>,
+    joints: Vec<Vec<Instant>>,
+}
+
+impl Simulated {
+    fn new(plant: &Plant, commands: &Commands) -> Result<Self, ModelError> {
+        let still = Plant { disturbance: None, ..plant.clone() };
+        let mut out = Self { t_s: Vec::new(), joints: vec![Vec::new(); plant.link_count()] };
+        commands.play(&still, 0, 1, |simulation| {
+            out.t_s.push(simulation.t_s());
+            out.joints.iter_mut().enumerate().for_each(|(i, own)| own.push(instant(plant, commands, simulation, i)));
+        })?;
+        Ok(out)
+    }
+}
+
+/// How plants' servos answer the datagrams of one run: the first plant that was asked for and the last one are kept.
+#[derive(Debug, Default)]
+pub(crate) struct Answers(Mutex<Vec<(Plant, Arc<Simulated>)>>);
+
+impl Answers {
+    /// The answer of a plant's servos at the times `grid_s`, s.
+    ///
+    /// # Errors
+    /// When the plant's masses are impossible.
+    pub(crate) fn response(&self, plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Result<Response, ModelError> {
+        let simulated = self.simulated(plant, commands)?;
+        Ok(response(plant, &simulated, grid_s))
+    }
+
+    /// One at a time: who else asks most often wants the same.
+    fn simulated(&self, plant: &Plant, commands: &Commands) -> Result<Arc<Simulated>, ModelError> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = kept.iter().find(|(of, _)| of == plant) {
+            return Ok(known.clone());
+        }
+        let simulated = Arc::new(Simulated::new(plant, commands)?);
+        kept.truncate(1);
+        kept.push((plant.clone(), simulated.clone()));
+        Ok(simulated)
+    }
+}
+
+/// What a simulation shows at the times `grid_s`, s.
+fn response(plant: &Plant, simulated: &Simulated, grid_s: &[f64]) -> Response {
+    let (times, states) = (&simulated.t_s, &simulated.joints);
     let nodes = |of: &dyn Fn(&Instant) -> [f64; 2]| -> Vec<Nodes> {
         let joint = |own: &Vec<Instant>| {
             let states: Vec<[f64; 2]> = own.iter().map(of).collect();
-            grid_s.iter().map(|t| node(&times, &states, *t)).collect()
+            grid_s.iter().map(|t| node(times, &states, *t)).collect()
         };
         states.iter().map(joint).collect()
     };
@@ -88,11 +126,11 @@ pub(crate) fn response(plant: &Plant, commands: &Commands, grid_s: &[f64]) -> Re
         drives.map(|(ahead, drive)| Swing::new(ahead, drive, step_s)).collect()
     };
     let is_elastic = drives.iter().any(Elasticity::is_elastic);
-    Ok(Response {
+    Response {
         nominal: nodes(&|state| state.encoder),
         swings: is_elastic.then(|| swings(nodes(&|state| state.ahead))),
-        errors: states.iter().map(|own| errors(&times, own, grid_s)).collect(),
-    })
+        errors: states.iter().map(|own| errors(times, own, grid_s)).collect(),
+    }
 }
 
 fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: usize) -> Instant {

@@ -2,7 +2,7 @@
 
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
-use crate::servo_response::{self, ARRIVAL_SD_S, Nodes, datagrams};
+use crate::servo_response::{ARRIVAL_SD_S, Answers, Nodes, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_plant::{Plant, Sensors};
@@ -40,7 +40,7 @@ pub(super) struct MeasuredPath {
 
 impl MeasuredPath {
     /// The path of a plant's joints; `None` where not every joint has an angle or a rate.
-    pub(super) fn new(plant: &Plant, run: &Run) -> Option<Self> {
+    pub(super) fn new(plant: &Plant, run: &Run, answers: &Answers) -> Option<Self> {
         let (links, sensors) = (plant.link_count(), &plant.sensors);
         let joints = run.joints.as_ref()?;
         let (start_s, end_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
@@ -55,7 +55,7 @@ impl MeasuredPath {
             return None;
         }
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
-        let response = datagrams(plant, run).and_then(|c| servo_response::response(plant, c, &grid_s).ok());
+        let response = datagrams(plant, run).and_then(|c| answers.response(plant, c, &grid_s).ok());
         let is_told_by_datagrams = response.is_some();
         let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
         let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();

@@ -191,7 +191,7 @@ impl Step {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::servo_response::response;
+    use crate::servo_response::Answers;
     use fss_experiments::commands::Commands;
     use fss_plant::{DEFAULT_PLANT, JointCommand, Plant};
 
@@ -237,8 +237,8 @@ mod tests {
         let plant = plant();
         let commands = swings(plant.link_count());
         let grid_s: Vec<f64> = (0..5500).map(|k| STEP_S * f64::from(k)).collect();
-        let (here, there) =
-            (response(&plant, &commands, &grid_s).unwrap(), response(other, &commands, &grid_s).unwrap());
+        let [here, there] =
+            [&plant, other].map(|plant| Answers::default().response(plant, &commands, &grid_s).unwrap());
         let change = closed_loop(&plant, &here).change(&servos(other), &here).unwrap();
         let mut squares = [0.0; 2];
         for joint in 0..plant.link_count() {
@@ -266,7 +266,8 @@ mod tests {
     #[test]
     fn a_plant_answers_like_itself() {
         let plant = plant();
-        let path = response(&plant, &swings(plant.link_count()), &[0.0, STEP_S, 2.0 * STEP_S]).unwrap();
+        let commands = swings(plant.link_count());
+        let path = Answers::default().response(&plant, &commands, &[0.0, STEP_S, 2.0 * STEP_S]).unwrap();
         assert!(closed_loop(&plant, &path).change(&servos(&plant), &path).is_none());
     }
 }
