@@ -49,7 +49,7 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
-use search::{Rewired, Searched};
+use search::{Noise, Rewired, Searched};
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
 use tuning::Tuning;
@@ -99,15 +99,16 @@ fn answer(
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
     let (mut tuning, mut hyper) = (Tuning::default(), None);
-    // With other gains, the same candidates are worth a look.
+    // With gains that a search found, the candidates that it looked at are worth a look.
     let mut among: Option<BTreeSet<usize>> = None;
+    let mut problem = Problem::new(plant, records.0, &tuning)?;
+    if problem.is_empty() {
+        return Ok(nothing_to_say(plant));
+    }
     let mut again = 0;
     loop {
-        let problem = Problem::new(plant, records.0, &tuning)?;
-        if problem.is_empty() {
-            return Ok(nothing_to_say(plant));
-        }
-        let nothing = search::without_causes(&problem, hyper.as_deref(), say)?;
+        let noise = hyper.as_deref().map_or(Noise::Unknown, Noise::Near);
+        let nothing = search::without_causes(&problem, noise, say)?;
         let known = nothing.hyper.clone();
         let gains = Tuning::of(&problem.uncertain, &nothing.means);
         let tuned: OnceCell<(Tuning, f64)> = OnceCell::new();
@@ -123,13 +124,19 @@ fn answer(
         };
         let Some(searched) = search::search(&problem, nothing, among.as_ref(), &rival, say)? else {
             (tuning, hyper) = (tuned.into_inner().map_or(gains, |(gains, _)| gains), Some(known));
+            problem = Problem::new(plant, records.0, &tuning)?;
             continue;
         };
         let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
         if again == RETUNED || found.is_near(&tuning) {
             return answer_of(&searched, records, wiring, say);
         }
+        let next = Problem::new(plant, records.0, &found)?;
+        if !searched.is_likelier_in(&next)? {
+            return answer_of(&searched, records, wiring, say);
+        }
         (tuning, hyper, among) = (found, Some(known), Some(searched.search.looked_at));
+        problem = next;
         again += 1;
     }
 }
@@ -142,17 +149,18 @@ fn without_causes(
     (mut tuning, hyper): (Tuning, &[f64]),
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<(Tuning, f64), ModelError> {
-    let mut again = 0;
-    loop {
+    for _ in 0..RETUNED {
         let problem = Problem::new(plant, runs, &tuning)?;
-        let nothing = search::without_causes(&problem, Some(hyper), say)?;
+        let nothing = search::without_causes(&problem, Noise::As(hyper), say)?;
         let found = Tuning::of(&problem.uncertain, &nothing.means);
-        if again == RETUNED || found.is_near(&tuning) {
-            return Ok((tuning, nothing.log_posterior));
+        if found.is_near(&tuning) {
+            break;
         }
         tuning = found;
-        again += 1;
     }
+    let problem = Problem::new(plant, runs, &tuning)?;
+    let nothing = search::without_causes(&problem, Noise::Near(hyper), say)?;
+    Ok((tuning, nothing.log_posterior))
 }
 
 /// So often at the most the search is repeated with servos that are tuned otherwise.

@@ -56,17 +56,30 @@ pub(crate) struct NoCause {
     pub(crate) log_posterior: f64,
 }
 
-/// The noise without causes, from those hyper-parameters that suited a problem much like this one.
+/// What is known of the hyper-parameters without causes.
+#[derive(Clone, Copy)]
+pub(crate) enum Noise<'a> {
+    Unknown,
+    /// They are near those that suited a problem much like this one.
+    Near(&'a [f64]),
+    As(&'a [f64]),
+}
+
+/// The runs without causes.
 pub(crate) fn without_causes(
     problem: &Problem,
-    known: Option<&[f64]>,
+    noise: Noise,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<NoCause, ModelError> {
     let search = Search::new(problem);
     say("inferring the noise without causes");
     let uncertain = problem.linearized(&[], Slope::Secant, &|_, _| false, Kept::Nothing)?;
-    let (start, width) = known.map_or_else(|| (medians(problem), 1.0), |known| (known.to_vec(), 0.5));
-    let hyper = search.optimized(&uncertain, &[], &[], &start, width, |_, _| true);
+    let from = |start: &[f64], width: f64| search.optimized(&uncertain, &[], &[], start, width, |_, _| true);
+    let hyper = match noise {
+        Noise::Unknown => from(&medians(problem), 1.0),
+        Noise::Near(known) => from(known, 0.5),
+        Noise::As(known) => known.to_vec(),
+    };
     let point = search.point(&uncertain, &hyper, &search.parameters_with(&[]).0, &GramCache::default());
     let (means, log_posterior) =
         point.and_then(|p| Some((p.posterior.means().to_vec(), p.log_posterior(&[])?))).map_or_else(
@@ -87,6 +100,10 @@ pub(crate) fn search<'a>(
 ) -> Result<Option<Searched<'a>>, ModelError> {
     let mut search = Search::new(problem);
     let mut model = Vec::new();
+    let is_elastic = |c: &usize| problem.candidates[*c].is_elastic(&problem.plant);
+    let loses = |set: &Found, log_posterior: f64| -> Result<bool, ModelError> {
+        Ok(set.causes.iter().any(is_elastic) && rival()?.is_some_and(|rival| log_posterior < rival))
+    };
     say("linearizing");
     let is_among = |c: usize| among.is_none_or(|among| among.contains(&c));
     let at_first = |c: usize, family: usize| is_among(c) && problem.at_first(c, family);
@@ -110,6 +127,9 @@ pub(crate) fn search<'a>(
             sets = search.beam(&points, largest);
         }
         let best = sets[0].clone();
+        if loses(&best, best.log_posterior)? {
+            return Ok(None);
+        }
         let same = model.len() == best.causes.len() && model.iter().all(|p| best.causes.contains(&p.candidate));
         again = if same { again + 1 } else { 0 };
         let (estimate, deviations) = search.estimate(&points, &best);
@@ -137,10 +157,7 @@ pub(crate) fn search<'a>(
         linearized =
             problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Kept::Causes(linearized))?;
         hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
-        let is_elastic = |c: &usize| problem.candidates[*c].is_elastic(&problem.plant);
-        if best.causes.iter().any(is_elastic)
-            && rival()?.is_some_and(|rival| search.log_posterior((&linearized, &hyper), &best) < rival)
-        {
+        if loses(&best, search.log_posterior((&linearized, &hyper), &best))? {
             return Ok(None);
         }
         if !same {
@@ -169,6 +186,16 @@ impl Searched<'_> {
     /// Place of the first uncertain value among the search's parameters.
     pub(crate) fn uncertain_at(&self) -> usize {
         self.search.parameters.len() - self.search.problem.uncertain.len()
+    }
+
+    /// Whether the model is more probable in another problem of the same runs, whose servos are tuned as was found here.
+    pub(crate) fn is_likelier_in(&self, other: &Problem) -> Result<bool, ModelError> {
+        let is_present = |c: usize, _| self.model.iter().any(|p| p.candidate == c);
+        let log_posterior = |problem: &Problem| -> Result<f64, ModelError> {
+            let about = problem.linearized(&self.model, Slope::Secant, &is_present, Kept::Nothing)?;
+            Ok(Search::new(problem).log_posterior((&about, &self.hyper), &self.sets[0].0))
+        };
+        Ok(log_posterior(other)? > log_posterior(self.search.problem)?)
     }
 
     /// Posterior means of the uncertain values with the best set, in stated standard deviations.
