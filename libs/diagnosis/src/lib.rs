@@ -5,7 +5,7 @@
 //! - [`block`]: what the search needs of a set of channels of one run: a prediction linear in small effects, a noise model.
 //! - [`base`]: the motion of a floating base as a block.
 //! - [`joints`]: the joints and the end-effector as a block.
-//! - `servo_response`: what servos make of the datagrams that command them.
+//! - `servo_response`: what servos make of the datagrams that command them; `memo`: what is computed once for plants that are alike.
 //! - `examine`, `startup_transient`: what of the records is no measurement; `tuning`: how servos are tuned.
 //! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
 //! - `gram`: products of the whitened columns.
