@@ -55,3 +55,26 @@ impl<V> Memo<V> {
         self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clear();
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use fss_plant::{Effect, Plant};
+
+    #[test]
+    fn the_same_motion_takes_the_same_torques_where_drives_alone_differ() {
+        let plant = Plant::default_laboratory().unwrap();
+        let nominal = Physics::nominal(&plant);
+        let with = |id: &str, values: &[f64]| Physics::with(&plant, &[Effect::new(id).unwrap().at(2).with(values)]);
+        for (id, value) in [("torque_constant", 0.7), ("joint_viscous_friction", 0.5)] {
+            assert!(are_loaded_alike(&nominal, &with(id, &[value])), "{id}");
+        }
+        for (id, value) in [("link_mass", 5.0), ("encoder_offset", 0.1), ("joint_flexibility", 150.0)] {
+            assert!(!are_loaded_alike(&nominal, &with(id, &[value])), "{id}");
+        }
+        // A law is another where its strength is.
+        let drag = |size: f64| Physics::with(&plant, &[Effect::new("base_linear_drag").unwrap().with(&[size])]);
+        assert!(are_loaded_alike(&drag(0.1), &drag(0.1)) && !are_loaded_alike(&drag(0.1), &drag(0.2)));
+    }
+}
