@@ -107,7 +107,7 @@ impl NoiseModel {
     pub(super) fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
         let h = Hyper::of(hyper);
         let n = self.states();
-        let mut filter = Whitener::new(n, self.initial(&h), columns);
+        let mut filter = Whitener::new(n, &self.initial(&h), columns);
         let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(3));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {

@@ -120,7 +120,7 @@ impl NoiseModel {
         (3 * self.links..places.before).for_each(|i| initial[i * (n + 1)] = 1.0);
         (places.before..n).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
         let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
-        let mut filter = Whitener::new(n, initial, columns);
+        let mut filter = Whitener::new(n, &initial, columns);
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
         let (mut last_s, mut before_s, mut moment) = (f64::NAN, f64::NAN, 0);
         for (k, row) in rows.iter().enumerate() {
