@@ -4,7 +4,6 @@ use crate::problem::{Linearized, Present, Problem, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Actions whose cosine, whitened, is beyond this are one and the same.
 const IDENTICAL: f64 = 0.999;
@@ -27,7 +26,7 @@ impl Problem {
     ) -> Result<Vec<(usize, Vec<f64>)>, ModelError> {
         let own = present.candidate;
         let base: Vec<usize> = self.parameters_of(own).collect();
-        let Some(products) = self.products(&self.prepared(linearized), hyper, &base, &mut HashMap::new()) else {
+        let Some(products) = self.products(linearized, &[hyper.to_vec()], &base).pop() else {
             return Ok(Vec::new());
         };
         let rest: Vec<Present> = model.iter().filter(|p| p.candidate != own).cloned().collect();

@@ -1,5 +1,6 @@
 //! Gram matrices of the whitened columns, by run and summed, and the cache of those that were computed last.
 
+use crate::block::HyperParameter;
 use crate::problem::{Linearized, Member, Problem};
 use fss_estimation::Columns;
 use fss_estimation::evidence::Gram;
@@ -8,9 +9,19 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
+/// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
+/// day. What is absent does not vary, or variation could stand for any cause.
+pub(crate) const VARIATION: HyperParameter = HyperParameter {
+    name: "variation from run to run, share of size",
+    median: 0.05,
+    log_sd: 1.5,
+    bounds: [1e-4, 3.0],
+    strength_of: None,
+};
+
 /// The data and some parameters' columns of a block side by side: those that are not 0 throughout.
 pub(crate) struct Prepared {
-    columns: Columns,
+    pub(crate) columns: Columns,
     /// Which each is: 0 is the data, i + 1 the i-th parameter that was asked for.
     pub(crate) places: Vec<usize>,
 }
@@ -26,22 +37,7 @@ impl Prepared {
     }
 }
 
-/// The same, whitened.
-pub(crate) struct Whitened {
-    /// A column of the block in each row.
-    pub(crate) rows: DMatrix<f64>,
-    pub(crate) log_det: f64,
-}
-
 impl Problem {
-    /// The data and some parameters' columns of a block, whitened, and the logarithm of the noise's determinant.
-    pub(crate) fn whitened(&self, member: &Member, prepared: &Prepared, hyper: &[f64]) -> Whitened {
-        let mut white = prepared.columns.clone();
-        let log_det = member.block.whiten(self.hyper_of(member, hyper), &mut white);
-        // Row by row is the transpose column by column.
-        Whitened { rows: DMatrix::from_column_slice(white.width(), white.rows(), white.values()), log_det }
-    }
-
     /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
     pub(crate) fn gram(
         &self,
@@ -78,13 +74,17 @@ impl Problem {
             let own = self.hyper_of(member, hyper);
             let gram = cache.get(k, own, || {
                 let prepared = cache.prepared(k, || Prepared::new(columns, parameters));
-                let white = self.whitened(member, &prepared, hyper);
+                let mut white = cache.scratch();
+                white.copy_from(&prepared.columns);
+                let log_det = member.block.whiten(self.hyper_of(member, hyper), &mut white);
                 let mut products = DMatrix::zeros(parameters.len() + 1, parameters.len() + 1);
-                let own = &white.rows * white.rows.transpose();
+                let (own, width) = (white.products(), white.width());
                 for (i, to_row) in prepared.places.iter().enumerate() {
-                    prepared.places.iter().enumerate().for_each(|(j, to)| products[(*to_row, *to)] = own[(i, j)]);
+                    let to = prepared.places.iter().enumerate();
+                    to.for_each(|(j, to)| products[(*to_row, *to)] = own[i * width + j]);
                 }
-                Gram { products, log_det: white.log_det }
+                cache.give_back(white);
+                Gram { products, log_det }
             });
             (member.run, gram)
         };
@@ -116,6 +116,8 @@ fn variation(linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Op
 pub(crate) struct GramCache {
     columns: Mutex<HashMap<usize, Arc<Prepared>>>,
     grams: Mutex<HashMap<usize, Kept>>,
+    /// Memory to whiten in.
+    scratch: Mutex<Vec<Columns>>,
 }
 
 /// Hyper-parameters and the Gram matrix at them.
@@ -125,6 +127,14 @@ type Kept = Vec<(Vec<f64>, Arc<Gram>)>;
 const CACHED: usize = 3;
 
 impl GramCache {
+    fn scratch(&self) -> Columns {
+        self.scratch.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn give_back(&self, scratch: Columns) {
+        self.scratch.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(scratch);
+    }
+
     fn prepared(&self, block: usize, make: impl FnOnce() -> Prepared) -> Arc<Prepared> {
         let lock = || self.columns.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some(known) = lock().get(&block) {

@@ -2,6 +2,8 @@
 
 use crate::servo_response::Nodes;
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
+use fss_experiments::measured::Run;
+use fss_plant::Plant;
 
 /// Readings of one joint, with what it takes to smooth them at the nodes of a path.
 #[derive(Clone, Debug)]
@@ -38,4 +40,22 @@ impl JointTelemetry {
         let seen = self.smoother.path(&readings);
         change.iter().zip(&seen).map(|(all, seen)| std::array::from_fn(|i| all[i] - seen[i])).collect()
     }
+}
+
+/// Least and largest rate of each joint over all runs, rad/s.
+pub(crate) fn rates(plant: &Plant, runs: &[Run]) -> Vec<[f64; 2]> {
+    let of_joint = |joint: usize| {
+        let rates = runs.iter().filter_map(|run| run.joints.as_ref()?.qd_rad_s.get(joint)).flatten();
+        rates.filter(|v| v.is_finite()).fold([0.0, 0.0], |[low, high]: [f64; 2], v| [low.min(*v), high.max(*v)])
+    };
+    (0..plant.link_count()).map(of_joint).collect()
+}
+
+/// Variance of a joint's rate in a run, rad2/s2.
+pub(crate) fn rate_variance(run: &Run, joint: usize) -> f64 {
+    let rates = run.joints.as_ref().and_then(|joints| joints.qd_rad_s.get(joint));
+    let finite: Vec<f64> = rates.into_iter().flatten().copied().filter(|v| v.is_finite()).collect();
+    let count = finite.len().max(1) as f64;
+    let mean = finite.iter().sum::<f64>() / count;
+    finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count
 }

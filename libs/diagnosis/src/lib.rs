@@ -49,7 +49,7 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
-use search::{Noise, Rewired, Searched};
+use search::{NoCause, Noise, Rewired, Searched};
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
 use tuning::Tuning;
@@ -105,26 +105,29 @@ fn answer(
     if problem.is_empty() {
         return Ok(nothing_to_say(plant));
     }
-    let mut again = 0;
+    let (mut again, mut ready) = (0, None);
     loop {
         let noise = hyper.as_deref().map_or(Noise::Unknown, Noise::Near);
-        let nothing = search::without_causes(&problem, noise, say)?;
+        let nothing = match ready.take() {
+            Some(nothing) => nothing,
+            None => search::without_causes(&problem, noise, say)?,
+        };
         let known = nothing.hyper.clone();
         let gains = Tuning::of(&problem.uncertain, &nothing.means);
-        let tuned: OnceCell<(Tuning, f64)> = OnceCell::new();
+        let tuned: OnceCell<Tuned> = OnceCell::new();
         // A soft drive stands for gains that are off: those of the plant file have to be more probable with it than others without.
         let rival = || -> Result<Option<f64>, ModelError> {
             if hyper.is_some() || gains.is_near(&tuning) {
                 return Ok(None);
             }
             if tuned.get().is_none() {
-                let _ = tuned.set(without_causes(plant, records.0, (gains.clone(), &known), say)?);
+                let _ = tuned.set(Tuned::new(plant, records.0, (gains.clone(), &known), say)?);
             }
-            Ok(tuned.get().map(|(_, log_posterior)| *log_posterior))
+            Ok(tuned.get().map(|tuned| tuned.nothing.log_posterior))
         };
         let Some(searched) = search::search(&problem, nothing, among.as_ref(), &rival, say)? else {
-            (tuning, hyper) = (tuned.into_inner().map_or(gains, |(gains, _)| gains), Some(known));
-            problem = Problem::new(plant, records.0, &tuning)?;
+            let tuned = tuned.into_inner().map_or_else(|| Tuned::new(plant, records.0, (gains, &known), say), Ok)?;
+            (tuning, problem, ready, hyper) = (tuned.tuning, tuned.problem, Some(tuned.nothing), Some(known));
             continue;
         };
         let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
@@ -141,26 +144,34 @@ fn answer(
     }
 }
 
-/// The gains that suit the runs best where there are no causes, from some that are near, with the logarithm of the posterior
-/// probability of that.
-fn without_causes(
-    plant: &Plant,
-    runs: &[Run],
-    (mut tuning, hyper): (Tuning, &[f64]),
-    say: &(dyn Fn(&str) + Sync),
-) -> Result<(Tuning, f64), ModelError> {
-    for _ in 0..RETUNED {
-        let problem = Problem::new(plant, runs, &tuning)?;
-        let nothing = search::without_causes(&problem, Noise::As(hyper), say)?;
-        let found = Tuning::of(&problem.uncertain, &nothing.means);
-        if found.is_near(&tuning) {
-            break;
+/// The runs with the gains that suit them best, of some that are near, where there are no causes.
+struct Tuned {
+    tuning: Tuning,
+    problem: Problem,
+    nothing: NoCause,
+}
+
+impl Tuned {
+    fn new(
+        plant: &Plant,
+        runs: &[Run],
+        (mut tuning, hyper): (Tuning, &[f64]),
+        say: &(dyn Fn(&str) + Sync),
+    ) -> Result<Self, ModelError> {
+        let mut problem = Problem::new(plant, runs, &tuning)?;
+        let mut nothing = search::without_causes(&problem, Noise::As(hyper), say)?;
+        for _ in 0..RETUNED {
+            let found = Tuning::of(&problem.uncertain, &nothing.means);
+            if found.is_near(&tuning) {
+                break;
+            }
+            tuning = found;
+            problem = Problem::new(plant, runs, &tuning)?;
+            nothing = search::without_causes(&problem, Noise::As(hyper), say)?;
         }
-        tuning = found;
+        let nothing = nothing.again(&problem, Noise::Near(hyper));
+        Ok(Self { tuning, problem, nothing })
     }
-    let problem = Problem::new(plant, runs, &tuning)?;
-    let nothing = search::without_causes(&problem, Noise::Near(hyper), say)?;
-    Ok((tuning, nothing.log_posterior))
 }
 
 /// So often at the most the search is repeated with servos that are tuned otherwise.

@@ -24,3 +24,8 @@ pub(crate) struct Linearized {
     /// Size of each parameter in the model, which may vary from run to run.
     pub(crate) size: Vec<f64>,
 }
+
+/// What a coordinate does, in proportion: the difference of two predictions over its size.
+pub(crate) fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| (a - b) / by).collect()
+}

@@ -3,8 +3,10 @@
 use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter};
 use crate::candidates::{Candidate, Records, candidates};
+use crate::gram::VARIATION;
+use crate::joint_telemetry::{rate_variance, rates};
 use crate::joints::joint_block_with;
-pub(crate) use crate::linearized::{Kept, Linearized, Slope};
+pub(crate) use crate::linearized::{Kept, Linearized, Slope, difference};
 use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
 use crate::uncertain::{Uncertain, uncertain};
@@ -15,10 +17,11 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A block, the run that it is of, and its family: blocks of a family share hyper-parameters.
+#[derive(Clone)]
 pub(crate) struct Member {
     pub(crate) run: usize,
     pub(crate) family: usize,
-    pub(crate) block: Box<dyn Block>,
+    pub(crate) block: Arc<dyn Block>,
 }
 
 /// A cause of the model that everything is linearized about: which candidate, at which coordinates.
@@ -34,17 +37,9 @@ const SECANT_ABOVE: f64 = 0.05;
 const TANGENT_STEP: f64 = 0.4;
 /// The same of a spring's coordinate over its size: a swing's frequency stays almost what it is.
 const SPRING_STEP: f64 = 0.05;
-/// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
-/// day. What is absent does not vary, or variation could stand for any cause.
-const VARIATION: HyperParameter = HyperParameter {
-    name: "variation from run to run, share of size",
-    median: 0.05,
-    log_sd: 1.5,
-    bounds: [1e-4, 3.0],
-    strength_of: None,
-};
 
 /// Everything that is linear: runs, causes, uncertain values.
+#[derive(Clone)]
 pub(crate) struct Problem {
     pub(crate) plant_file: Plant,
     /// The plant of the plant file, its servos tuned as the runs show.
@@ -55,6 +50,8 @@ pub(crate) struct Problem {
     pub(crate) candidates: Vec<Candidate>,
     /// First parameter of each candidate.
     pub(crate) first: Vec<usize>,
+    /// The one run that serves a first look at a candidate, where all are not worth their cost.
+    seen_in: Vec<Option<usize>>,
     pub(crate) uncertain: Vec<Uncertain>,
     /// Hyper-parameters of all families, then the variation from run to run.
     pub(crate) hyper: Vec<HyperParameter>,
@@ -67,10 +64,10 @@ pub(crate) struct Problem {
 
 /// The blocks of all runs. A family has one noise model: what does not share it with the first of its family is left out.
 fn members(plant: &Plant, runs: &[Run]) -> Result<Vec<Member>, ModelError> {
-    let of_run = |run: &Run| -> Result<[Option<Box<dyn Block>>; 2], ModelError> {
+    let of_run = |run: &Run| -> Result<[Option<Arc<dyn Block>>; 2], ModelError> {
         let answers = Arc::default();
-        let base = BaseBlock::with_answers(plant, run, &answers)?.map(|b| Box::new(b) as Box<dyn Block>);
-        Ok([base, joint_block_with(plant, run, &answers).map(|b| Box::new(b) as Box<dyn Block>)])
+        let base = BaseBlock::with_answers(plant, run, &answers)?.map(|b| Arc::new(b) as Arc<dyn Block>);
+        Ok([base, joint_block_with(plant, run, &answers).map(|b| Arc::new(b) as Arc<dyn Block>)])
     };
     let blocks: Vec<_> = runs.par_iter().map(of_run).collect::<Result<_, ModelError>>()?;
     let mut members: Vec<Member> = Vec::new();
@@ -115,6 +112,12 @@ impl Problem {
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
         let candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
+        // Each stiffness takes a simulation of every run: the run in which its joint moves most tells most.
+        let busiest = |c: &Candidate| {
+            let joint = c.nominal.index().filter(|_| swing && c.is_elastic(&tuned))? - 1;
+            (0..runs.len()).max_by(|a, b| rate_variance(&runs[*a], joint).total_cmp(&rate_variance(&runs[*b], joint)))
+        };
+        let seen_in = candidates.iter().map(busiest).collect();
         let (hyper, family_at, family_of) = hyper_parameters(&members);
         let (mut first, mut spikes) = (Vec::new(), Vec::new());
         for candidate in &candidates {
@@ -134,6 +137,7 @@ impl Problem {
             runs,
             candidates,
             first,
+            seen_in,
             uncertain,
             hyper,
             family_at,
@@ -179,6 +183,14 @@ impl Problem {
         Ok(other)
     }
 
+    /// The same of the one run that tells most of a candidate, with columns of this one's blocks; of all runs where none does.
+    pub(crate) fn where_seen(&self, candidate: usize, of_all: Linearized) -> (Self, Linearized) {
+        let serves = |member: &Member| self.seen_in[candidate].is_none_or(|run| run == member.run);
+        let own = self.members.iter().cloned().zip(of_all.columns).filter(|(member, _)| serves(member));
+        let (members, columns) = own.unzip();
+        (Self { members, ..self.clone() }, Linearized { columns, ..of_all })
+    }
+
     /// Number of runs that have any block.
     pub(crate) fn runs(&self) -> usize {
         (0..self.runs).filter(|run| self.members.iter().any(|m| m.run == *run)).count()
@@ -190,9 +202,11 @@ impl Problem {
         &hyper[mine..mine + member.block.hyper_parameters().len()]
     }
 
-    /// Whether a candidate's columns in a family serve the first look at all candidates: a law's are many, and show in the base.
-    pub(crate) fn at_first(&self, candidate: usize, family: usize) -> bool {
-        !self.candidates[candidate].is_law || Some(family) == self.members.iter().map(|m| m.family).min()
+    /// Whether a candidate's columns in a block serve the first look at all candidates: a law's are many, and show in the base.
+    pub(crate) fn at_first(&self, candidate: usize, member: &Member) -> bool {
+        let is_law = self.candidates[candidate].is_law;
+        let shows = !is_law || Some(member.family) == self.members.iter().map(|m| m.family).min();
+        shows && self.seen_in[candidate].is_none_or(|run| run == member.run)
     }
 
     /// Families of blocks in which a candidate acts.
@@ -238,13 +252,13 @@ impl Problem {
         self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
     }
 
-    /// Linearizes every block about a model. Candidates that are not `wanted` in a family keep the columns that they had, or get
+    /// Linearizes every block about a model. Candidates that are not `wanted` in a block keep the columns that they had, or get
     /// none.
     pub(crate) fn linearized(
         &self,
         model: &[Present],
         slope: Slope,
-        wanted: &(dyn Fn(usize, usize) -> bool + Sync),
+        wanted: &(dyn Fn(usize, &Member) -> bool + Sync),
         kept: Kept,
     ) -> Result<Linearized, ModelError> {
         let keeps_uncertain = matches!(kept, Kept::All(_));
@@ -254,7 +268,7 @@ impl Problem {
         };
         let columns = self.members.par_iter().zip(before);
         let columns = columns.map(|(m, before)| {
-            let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m.family)).collect();
+            let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m)).collect();
             self.columns(m.block.as_ref(), (model, slope), (&wanted, !keeps_uncertain), before)
         });
         let mut size = vec![0.0; self.parameters()];
@@ -367,19 +381,6 @@ impl Problem {
         }
         Ok(columns)
     }
-}
-
-pub(crate) fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| (a - b) / by).collect()
-}
-
-/// Least and largest rate of each joint over all runs, rad/s.
-fn rates(plant: &Plant, runs: &[Run]) -> Vec<[f64; 2]> {
-    let of_joint = |joint: usize| {
-        let rates = runs.iter().filter_map(|run| run.joints.as_ref()?.qd_rad_s.get(joint)).flatten();
-        rates.filter(|v| v.is_finite()).fold([0.0, 0.0], |[low, high]: [f64; 2], v| [low.min(*v), high.max(*v)])
-    };
-    (0..plant.link_count()).map(of_joint).collect()
 }
 
 fn span_s(block: &dyn Block) -> f64 {

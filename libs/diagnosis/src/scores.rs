@@ -1,7 +1,7 @@
 //! Predictive scores of the causes: of validation runs, and of each fitted run from the others. They judge, and choose nothing.
 
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Problem, Slope};
+use crate::problem::{Kept, Linearized, Member, Problem, Slope};
 use crate::search::Searched;
 use fss_estimation::evidence::{Gram, SpikePosterior};
 use fss_multibody::ModelError;
@@ -38,7 +38,7 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
         out.left_out.push(without_each_run.iter().map(|less| gain(&all, less)).sum());
     }
     if let Some(validation) = validation.filter(|v| !v.is_empty()) {
-        let wanted = |c: usize, _| best.causes.contains(&c);
+        let wanted = |c: usize, _: &Member| best.causes.contains(&c);
         let linearized: Linearized = validation.linearized(&searched.model, Slope::Secant, &wanted, Kept::Nothing)?;
         let grams = validation
             .grams_of_runs(&linearized, &searched.hyper, &parameters, &GramCache::default())

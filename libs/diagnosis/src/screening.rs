@@ -1,11 +1,11 @@
 //! A first look at all candidates, one at a time beside the present model: which are worth searching with.
 
 use crate::gram::Prepared;
-use crate::problem::{Linearized, Problem};
+use crate::problem::{Linearized, Member, Problem};
+use fss_estimation::Columns;
 use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Sums over all blocks: products of the data and the base columns with all columns, and those of each candidate's own.
@@ -16,22 +16,16 @@ pub(crate) struct Products {
     log_det: f64,
 }
 
-/// Those of blocks, by block and its hyper-parameters.
-pub(crate) type KnownProducts = HashMap<(usize, Vec<u64>), Arc<Products>>;
-
 impl Problem {
     /// Logarithm of the marginal likelihood with each candidate, the parameters of `base` present with normal priors of the
     /// standard deviations `base_sd`. `slabs` gives the priors of a candidate's own parameters, counted from 0, one set a
     /// class. The variation from run to run is left out.
     pub(crate) fn screened(
         &self,
-        prepared: &[Prepared],
-        (hyper, known): (&[f64], &mut KnownProducts),
-        base: &[usize],
-        base_sd: &[f64],
+        sum: &Products,
+        (base, base_sd): (&[usize], &[f64]),
         slabs: &(dyn Fn(usize) -> Vec<Vec<Slab>> + Sync),
     ) -> Option<Vec<f64>> {
-        let sum = self.products(prepared, hyper, base, known)?;
         let n = base.len();
         let prior = |i: usize, j: usize| if i == j { base_sd[i].powi(-2) } else { 0.0 };
         let among = DMatrix::from_fn(n, n, |i, j| sum.with_base[(i + 1, base[j] + 1)] + prior(i, j));
@@ -60,68 +54,62 @@ impl Problem {
         Some((0..self.candidates.len()).into_par_iter().map(evidence).collect())
     }
 
-    /// All parameters' columns of every block.
-    pub(crate) fn prepared(&self, linearized: &Linearized) -> Vec<Prepared> {
+    /// Products of all columns, with those of `base`, at some values of the hyper-parameters.
+    pub(crate) fn products(&self, linearized: &Linearized, hypers: &[Vec<f64>], base: &[usize]) -> Vec<Products> {
         let all: Vec<usize> = (0..self.parameters()).collect();
-        linearized.columns.par_iter().map(|columns| Prepared::new(columns, &all)).collect()
+        let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| -> Vec<Arc<Products>> {
+            let prepared = Prepared::new(columns, &all);
+            let mut white = Columns::default();
+            // Hyper-parameters of one family do not move the others' blocks.
+            let mut known: Vec<(&[f64], Arc<Products>)> = Vec::new();
+            let mut out = Vec::new();
+            for own in hypers.iter().map(|hyper| self.hyper_of(member, hyper)) {
+                if known.iter().all(|(hyper, _)| *hyper != own) {
+                    white.copy_from(&prepared.columns);
+                    let log_det = member.block.whiten(own, &mut white);
+                    known.push((own, Arc::new(self.products_of(&white, &prepared.places, base, log_det))));
+                }
+                out.extend(known.iter().find(|(hyper, _)| *hyper == own).map(|(_, products)| products.clone()));
+            }
+            out
+        };
+        let all: Vec<Vec<Arc<Products>>> = self.members.par_iter().zip(&linearized.columns).map(of_member).collect();
+        let sum = |k: usize| {
+            let mut of_members = all.iter().map(|own| &own[k]);
+            let first = of_members.next().map_or_else(Products::default, |first| Products::clone(first));
+            of_members.fold(first, |mut sum, own| {
+                sum.with_base += &own.with_base;
+                sum.own.iter_mut().zip(&own.own).for_each(|(a, b)| *a += b);
+                sum.log_det += own.log_det;
+                sum
+            })
+        };
+        (0..hypers.len()).map(sum).collect()
     }
 
-    pub(crate) fn products(
-        &self,
-        prepared: &[Prepared],
-        hyper: &[f64],
-        base: &[usize],
-        known: &mut KnownProducts,
-    ) -> Option<Products> {
+    /// Those of a block's whitened columns, whose parameters are in these places.
+    fn products_of(&self, white: &Columns, places: &[usize], base: &[usize], log_det: f64) -> Products {
         let count = self.parameters() + 1;
-        let of_member = |(member, prepared): (&crate::problem::Member, &Prepared)| {
-            let white = self.whitened(member, prepared, hyper);
-            let mut row_of = vec![None; count];
-            prepared.places.iter().enumerate().for_each(|(row, place)| row_of[*place] = Some(row));
-            let bases: Vec<Option<usize>> =
-                std::iter::once(0).chain(base.iter().map(|p| p + 1)).map(|p| row_of[p]).collect();
-            let known: Vec<usize> = bases.iter().flatten().copied().collect();
-            let columns = white.rows.transpose();
-            let products = white.rows.select_rows(&known) * &columns;
-            let mut with_base = DMatrix::zeros(bases.len(), count);
-            let rows_of_base = (0..bases.len()).filter(|i| bases[*i].is_some());
-            for (from, to) in rows_of_base.enumerate() {
-                prepared
-                    .places
-                    .iter()
-                    .enumerate()
-                    .for_each(|(row, place)| with_base[(to, *place)] = products[(from, row)]);
-            }
-            let own = (0..self.candidates.len()).map(|c| {
-                let range = self.parameters_of(c);
-                let row = |i: usize| row_of[range.start + 1 + i].map(|row| columns.column(row));
-                DMatrix::from_fn(range.len(), range.len(), |i, j| match (row(i), row(j)) {
-                    (Some(a), Some(b)) => a.dot(&b),
-                    _ => 0.0,
-                })
-            });
-            Products { with_base, own: own.collect(), log_det: white.log_det }
-        };
-        // Hyper-parameters of one family do not move the others' blocks.
-        let news: Vec<Option<Arc<Products>>> = (self.members.par_iter().zip(prepared).enumerate())
-            .map(|(k, (member, prepared))| {
-                let key = (k, self.hyper_of(member, hyper).iter().map(|h| h.to_bits()).collect());
-                if known.contains_key(&key) { None } else { Some(Arc::new(of_member((member, prepared)))) }
-            })
-            .collect();
-        let mut sum: Option<Products> = None;
-        for (k, new) in news.into_iter().enumerate() {
-            let key = (k, self.hyper_of(&self.members[k], hyper).iter().map(|h| h.to_bits()).collect());
-            let own = known.entry(key).or_insert_with(|| new.unwrap_or_default());
-            match &mut sum {
-                None => sum = Some(Products::clone(own)),
-                Some(sum) => {
-                    sum.with_base += &own.with_base;
-                    sum.own.iter_mut().zip(&own.own).for_each(|(a, b)| *a += b);
-                    sum.log_det += own.log_det;
-                }
-            }
+        let mut row_of = vec![None; count];
+        places.iter().enumerate().for_each(|(row, place)| row_of[*place] = Some(row));
+        let bases: Vec<Option<usize>> =
+            std::iter::once(0).chain(base.iter().map(|p| p + 1)).map(|p| row_of[p]).collect();
+        let known: Vec<usize> = bases.iter().flatten().copied().collect();
+        let columns = DMatrix::from_row_slice(white.rows(), white.width(), white.values());
+        let products = columns.select_columns(&known).transpose() * &columns;
+        let mut with_base = DMatrix::zeros(bases.len(), count);
+        let rows_of_base = (0..bases.len()).filter(|i| bases[*i].is_some());
+        for (from, to) in rows_of_base.enumerate() {
+            places.iter().enumerate().for_each(|(row, place)| with_base[(to, *place)] = products[(from, row)]);
         }
-        sum
+        let own = (0..self.candidates.len()).map(|c| {
+            let range = self.parameters_of(c);
+            let row = |i: usize| row_of[range.start + 1 + i].map(|row| columns.column(row));
+            DMatrix::from_fn(range.len(), range.len(), |i, j| match (row(i), row(j)) {
+                (Some(a), Some(b)) => a.dot(&b),
+                _ => 0.0,
+            })
+        });
+        Products { with_base, own: own.collect(), log_det }
     }
 }

@@ -12,11 +12,11 @@ mod space;
 mod wiring;
 
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Present, Problem, Slope};
+use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope, is_same};
 use fss_estimation::evidence::SetPosterior;
 use fss_multibody::ModelError;
 use fss_plant::Response;
-use hyper::PROMISING;
+use hyper::{PROMISING, Reach};
 use sets::probabilities;
 pub(crate) use sets::{SIZES, log_sum};
 use space::VARIATIONS;
@@ -71,42 +71,53 @@ pub(crate) fn without_causes(
     noise: Noise,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<NoCause, ModelError> {
-    let search = Search::new(problem);
     say("inferring the noise without causes");
     let uncertain = problem.linearized(&[], Slope::Secant, &|_, _| false, Kept::Nothing)?;
-    let from = |start: &[f64], width: f64| search.optimized(&uncertain, &[], &[], start, width, |_, _| true);
-    let hyper = match noise {
-        Noise::Unknown => from(&medians(problem), 1.0),
-        Noise::Near(known) => from(known, 0.5),
-        Noise::As(known) => known.to_vec(),
-    };
-    let point = search.point(&uncertain, &hyper, &search.parameters_with(&[]).0, &GramCache::default());
-    let (means, log_posterior) =
-        point.and_then(|p| Some((p.posterior.means().to_vec(), p.log_posterior(&[])?))).map_or_else(
-            || (vec![0.0; problem.uncertain.len()], f64::NEG_INFINITY),
-            |(means, likelihood)| (means, likelihood + search.prior_of_set(&[])),
-        );
-    Ok(NoCause { uncertain, hyper, means, log_posterior })
+    Ok(NoCause::with(problem, uncertain, noise))
+}
+
+impl NoCause {
+    /// The same of the same problem with other knowledge of the hyper-parameters.
+    pub(crate) fn again(self, problem: &Problem, noise: Noise) -> Self {
+        Self::with(problem, self.uncertain, noise)
+    }
+
+    fn with(problem: &Problem, uncertain: Linearized, noise: Noise) -> Self {
+        let search = Search::new(problem);
+        let from = |start: &[f64], reach: Reach| search.optimized(&uncertain, &[], &[], start, reach, |_, _| true);
+        let hyper = match noise {
+            Noise::Unknown => from(&medians(problem), Reach::OF_PRIOR),
+            Noise::Near(known) => from(known, Reach::NEAR),
+            Noise::As(known) => known.to_vec(),
+        };
+        let point = search.point(&uncertain, &hyper, &search.parameters_with(&[]).0, &GramCache::default());
+        let (means, log_posterior) =
+            point.and_then(|p| Some((p.posterior.means().to_vec(), p.log_posterior(&[])?))).map_or_else(
+                || (vec![0.0; problem.uncertain.len()], f64::NEG_INFINITY),
+                |(means, likelihood)| (means, likelihood + search.prior_of_set(&[])),
+            );
+        Self { uncertain, hyper, means, log_posterior }
+    }
 }
 
 /// Searches `among` some candidates, or all. `None` where a soft drive is less probable than a `rival`, which is asked for where one
 /// comes up: a logarithm.
 pub(crate) fn search<'a>(
     problem: &'a Problem,
-    NoCause { uncertain, hyper: null_hyper, .. }: NoCause,
+    NoCause { uncertain, hyper: null_hyper, mut log_posterior, .. }: NoCause,
     among: Option<&BTreeSet<usize>>,
     rival: &dyn Fn() -> Result<Option<f64>, ModelError>,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Option<Searched<'a>>, ModelError> {
     let mut search = Search::new(problem);
-    let mut model = Vec::new();
+    let (mut model, mut refuted) = (Vec::new(), BTreeSet::new());
     let is_elastic = |c: &usize| problem.candidates[*c].is_elastic(&problem.plant);
     let loses = |set: &Found, log_posterior: f64| -> Result<bool, ModelError> {
         Ok(set.causes.iter().any(is_elastic) && rival()?.is_some_and(|rival| log_posterior < rival))
     };
     say("linearizing");
     let is_among = |c: usize| among.is_none_or(|among| among.contains(&c));
-    let at_first = |c: usize, family: usize| is_among(c) && problem.at_first(c, family);
+    let at_first = |c: usize, member: &Member| is_among(c) && problem.at_first(c, member);
     let mut linearized = problem.linearized(&model, Slope::Secant, &at_first, Kept::All(uncertain))?;
     let mut hyper = null_hyper.clone();
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
@@ -115,9 +126,10 @@ pub(crate) fn search<'a>(
     for round in 1..=ROUNDS {
         say(&format!("searching for up to {largest}, round {round}"));
         if !unchanged {
-            search.shortlist(&linearized, &model, (&null_hyper, &hyper), &is_among);
+            let is_open = |c: usize| is_among(c) && !refuted.contains(&c);
+            search.shortlist(&linearized, &model, (&null_hyper, &hyper), &is_open);
             let chosen = &search.chosen;
-            let wanted = |c: usize, family: usize| chosen.contains(&c) && (round > 1 || !problem.at_first(c, family));
+            let wanted = |c: usize, m: &Member| chosen.contains(&c) && (round > 1 || !problem.at_first(c, m));
             linearized = problem.linearized(&model, Slope::Secant, &wanted, Kept::All(linearized))?;
             points = search.points(&linearized, &null_hyper, &hyper);
         }
@@ -140,27 +152,34 @@ pub(crate) fn search<'a>(
         let mut key = best.causes.clone();
         key.sort_unstable();
         // A set that was left for another and comes back would go on so for ever: it is taken.
-        let comes_back = !same && !visited.insert(key);
+        let comes_back = !same && !visited.insert(key.clone());
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
-        model = now;
         if (still && is_whole) || comes_back || round == ROUNDS {
             let sets = probabilities(sets);
-            return Ok(Some(Searched { search, points, sets, model, hyper, linearized }));
+            return Ok(Some(Searched { search, points, sets, model: now, hyper, linearized }));
         }
         if still {
-            (largest, again, unchanged) = (largest + 1, 0, true);
+            (model, largest, again, unchanged) = (now, largest + 1, 0, true);
             continue;
         }
         unchanged = false;
-        say(&format!("linearizing about {}", search.names(&model)));
-        let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
-        linearized =
-            problem.linearized(&model, Slope::Secant, &|c, _| present.contains(&c), Kept::Causes(linearized))?;
-        hyper = search.optimized(&linearized, &best.causes, &best.classes, &start, 0.5, |_, _| true);
-        if loses(&best, search.log_posterior((&linearized, &hyper), &best))? {
+        say(&format!("linearizing about {}", search.names(&now)));
+        let next = search.about(now, &best, &start, linearized)?;
+        if loses(&best, next.log_posterior)? {
             return Ok(None);
         }
+        let news = search.like_news(&best, &model);
+        if news.iter().any(is_elastic) && next.log_posterior < log_posterior {
+            // What a soft drive does is far from proportional: its column promised what the drive itself does not keep.
+            refuted.extend(news);
+            visited.remove(&key);
+            let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
+            linearized = problem.linearized(&model, Slope::Secant, &present, Kept::Causes(next.linearized))?;
+            continue;
+        }
+        (model, linearized, hyper, log_posterior) = (next.model, next.linearized, next.hyper, next.log_posterior);
         if !same {
+            refuted.clear();
             search.note_identical(&linearized, &hyper, &model)?;
         }
         model = search.polished(&linearized, model, &best, &hyper)?;
@@ -190,12 +209,14 @@ impl Searched<'_> {
 
     /// Whether the model is more probable in another problem of the same runs, whose servos are tuned as was found here.
     pub(crate) fn is_likelier_in(&self, other: &Problem) -> Result<bool, ModelError> {
-        let is_present = |c: usize, _| self.model.iter().any(|p| p.candidate == c);
-        let log_posterior = |problem: &Problem| -> Result<f64, ModelError> {
-            let about = problem.linearized(&self.model, Slope::Secant, &is_present, Kept::Nothing)?;
+        let is_present = |c: usize, _: &Member| self.model.iter().any(|p| p.candidate == c);
+        let log_posterior = |problem: &Problem, kept: Kept| -> Result<f64, ModelError> {
+            let about = problem.linearized(&self.model, Slope::Secant, &is_present, kept)?;
             Ok(Search::new(problem).log_posterior((&about, &self.hyper), &self.sets[0].0))
         };
-        Ok(log_posterior(other)? > log_posterior(self.search.problem)?)
+        let problem = self.search.problem;
+        let own = log_posterior(problem, Kept::All(problem.of_uncertain(&self.linearized)))?;
+        Ok(log_posterior(other, Kept::Nothing)? > own)
     }
 
     /// Posterior means of the uncertain values with the best set, in stated standard deviations.
@@ -204,7 +225,37 @@ impl Searched<'_> {
     }
 }
 
+/// A model with the linearization about it.
+struct About {
+    model: Vec<Present>,
+    linearized: Linearized,
+    /// Hyper-parameters that suit it best.
+    hyper: Vec<f64>,
+    /// Logarithm of its marginal likelihood and prior.
+    log_posterior: f64,
+}
+
 impl Search<'_> {
+    /// Linearizes about a model of a set; columns of causes that it does not have stay.
+    fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], kept: Linearized) -> Result<About, ModelError> {
+        let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
+        let linearized = self.problem.linearized(&model, Slope::Secant, &present, Kept::Causes(kept))?;
+        let hyper = self.optimized(&linearized, &set.causes, &set.classes, start, Reach::OF_MODEL, |_, _| true);
+        let log_posterior = self.log_posterior((&linearized, &hyper), set);
+        Ok(About { model, linearized, hyper, log_posterior })
+    }
+
+    /// Causes of a set that a model does not have, and the same effects with other values.
+    fn like_news(&self, set: &Found, model: &[Present]) -> Vec<usize> {
+        let candidates = &self.problem.candidates;
+        let is_new = |c: &&usize| model.iter().all(|p| p.candidate != **c);
+        let like = |c: &usize| {
+            let same = |other: &usize| other == c || is_same(&candidates[*other].nominal, &candidates[*c].nominal);
+            (0..candidates.len()).filter(|other| same(other)).collect::<Vec<_>>()
+        };
+        set.causes.iter().filter(is_new).flat_map(like).collect()
+    }
+
     /// Logarithm of a set's marginal likelihood and prior, about its own estimate.
     fn log_posterior(&self, (about, hyper): (&Linearized, &[f64]), set: &Found) -> f64 {
         let (parameters, position) = self.parameters_with(&set.causes);

@@ -49,11 +49,10 @@ impl ColumnsOfSet<'_> {
 }
 
 impl Search<'_> {
-    fn columns_of<'a>(&'a self, about: &Linearized, set: &Found, model: &[Present]) -> Option<ColumnsOfSet<'a>> {
+    fn columns_of<'a>(&'a self, uncertain: Linearized, set: &Found, model: &[Present]) -> Option<ColumnsOfSet<'a>> {
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let (parameters, position) = self.parameters_with(&present);
         let slabs = self.slabs(&set.causes, &set.classes, &position)?;
-        let uncertain = self.problem.of_uncertain(about);
         Some(ColumnsOfSet { search: self, uncertain, present, parameters, position, slabs })
     }
 
@@ -66,7 +65,6 @@ impl Search<'_> {
         set: &Found,
         hyper: &[f64],
     ) -> Result<Vec<Present>, ModelError> {
-        let Some(columns) = self.columns_of(about, set, &model) else { return Ok(model) };
         for at in 0..model.len() {
             let own = &self.problem.candidates[model[at].candidate];
             if own.prior.response != Response::Inverse {
@@ -77,6 +75,9 @@ impl Search<'_> {
                 model[at].coordinates.clone_from(&known.coordinates);
                 continue;
             }
+            let (problem, uncertain) = self.problem.where_seen(model[at].candidate, self.problem.of_uncertain(about));
+            let search = Search::new(&problem);
+            let Some(columns) = search.columns_of(uncertain, set, &model) else { return Ok(model) };
             let mut best = (f64::NEG_INFINITY, own.probe(0));
             let octave =
                 (-SCANNED..=SCANNED).map(|k| own.probe(0) * 2.0_f64.powf(0.5 * f64::from(k) / f64::from(SCANNED)));
@@ -99,7 +100,8 @@ impl Search<'_> {
         set: &Found,
         hyper: &[f64],
     ) -> Result<Vec<Present>, ModelError> {
-        let Some(columns) = self.columns_of(about, set, &model) else { return Ok(model) };
+        let uncertain = self.problem.of_uncertain(about);
+        let Some(columns) = self.columns_of(uncertain, set, &model) else { return Ok(model) };
         let steps = if model.is_empty() { 0 } else { POLISHED };
         for _ in 0..steps {
             let Some(point) = columns.point(&model, Slope::Tangent, hyper)? else { break };

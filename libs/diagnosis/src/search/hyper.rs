@@ -21,6 +21,24 @@ const LEAST_VARIATION: f64 = 0.03;
 /// Runs among which a variation can be told.
 const FEWEST_VARYING: usize = 3;
 
+/// How far hyper-parameters are sought from where they start.
+#[derive(Clone, Copy)]
+pub(super) struct Reach {
+    /// First steps over the deviations of the priors.
+    width: f64,
+    /// Whether each strength is tried far from where it starts, too: a process that is far too weak to be seen has no slope.
+    far: bool,
+}
+
+impl Reach {
+    /// From the priors' medians.
+    pub(super) const OF_PRIOR: Self = Self { width: 1.0, far: true };
+    /// Of a new model.
+    pub(super) const OF_MODEL: Self = Self { width: 0.5, far: true };
+    /// From the best of some that were compared, or of a problem much like this one.
+    pub(super) const NEAR: Self = Self { width: 0.5, far: false };
+}
+
 impl Search<'_> {
     pub(super) fn log_prior_of(&self, hyper: &[f64]) -> f64 {
         let last = hyper.len() - 1;
@@ -52,7 +70,7 @@ impl Search<'_> {
         causes: &[usize],
         classes: &[usize],
         start: &[f64],
-        width: f64,
+        Reach { width, far }: Reach,
         which: impl Fn(usize, &HyperParameter) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
@@ -70,10 +88,9 @@ impl Search<'_> {
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
         };
         let mut logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
-        // A process that is far too weak to be seen has no slope: each strength is tried far from where it starts, too.
-        let mut found = value(&logs);
+        let mut found = if far { value(&logs) } else { f64::INFINITY };
         for (i, h) in self.problem.hyper.iter().enumerate() {
-            if h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
+            if !far || h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
                 continue;
             }
             for by in FAR {
@@ -177,7 +194,7 @@ impl Search<'_> {
             let start = points[self.judge(points, &set.causes, &set.classes).1].hyper.clone();
             let news = set.causes.iter().filter(|c| model.iter().all(|p| p.candidate != **c));
             let families: BTreeSet<usize> = news.flat_map(|c| self.problem.families(linearized, *c)).collect();
-            let hyper = self.optimized(linearized, &set.causes, &set.classes, &start, 0.5, |family, h| {
+            let hyper = self.optimized(linearized, &set.causes, &set.classes, &start, Reach::NEAR, |family, h| {
                 h.strength_of.is_some() && families.contains(&family)
             });
             points.extend(self.point(linearized, &hyper, &self.parameters, &GramCache::default()));

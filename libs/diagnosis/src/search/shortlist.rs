@@ -44,10 +44,9 @@ impl Search<'_> {
             }
         }
         let mut best = vec![f64::NEG_INFINITY; problem.candidates.len()];
-        let (prepared, mut known) = (problem.prepared(linearized), HashMap::new());
-        for hyper in hypers {
-            let Some(values) = problem.screened(&prepared, (&hyper, &mut known), &base, &sd, &slabs) else { continue };
-            let prior = self.log_prior_of(&hyper);
+        for (hyper, products) in hypers.iter().zip(problem.products(linearized, &hypers, &base)) {
+            let Some(values) = problem.screened(&products, (&base, &sd), &slabs) else { continue };
+            let prior = self.log_prior_of(hyper);
             best.iter_mut().zip(values).for_each(|(b, value)| *b = b.max(value + prior));
         }
         let value = |c: usize| best[c] + self.log_prior[c];

@@ -11,6 +11,7 @@
 //! least-squares solution over all b_ij is closest to. Its marginal likelihood, the noise inferred anew and no cause acting, is compared
 //! with that of the best set of causes.
 
+use super::hyper::Reach;
 use super::sets::{SIZES, log_sum};
 use super::space::Search;
 use super::{Searched, medians};
@@ -45,7 +46,7 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
     if !(2..=MOST_THRUSTERS).contains(&count) {
         return Ok(None);
     }
-    let wanted = |c: usize, _: usize| search.chosen.contains(&c);
+    let wanted = |c: usize, _: &Member| search.chosen.contains(&c);
     let nominal = problem.linearized(&[], Slope::Secant, &wanted, Kept::Nothing)?;
     let actions = Actions::new(problem, count)?;
     let without = actions.wired(&nominal, &vec![None; count]);
@@ -80,7 +81,7 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
 impl Search<'_> {
     /// Logarithm of the marginal likelihood without causes at the hyper-parameters that suit it, with their prior, and these.
     fn log_evidence(&self, linearized: &Linearized, start: &[f64]) -> (f64, Vec<f64>) {
-        let hyper = self.optimized(linearized, &[], &[], start, 0.5, |_, _| true);
+        let hyper = self.optimized(linearized, &[], &[], start, Reach::OF_MODEL, |_, _| true);
         let point = self.point(linearized, &hyper, &self.parameters, &GramCache::default());
         let value = point.and_then(|point| Some(point.posterior.of_set(&[])?.log_evidence + point.log_prior));
         (value.unwrap_or(f64::NEG_INFINITY), hyper)
