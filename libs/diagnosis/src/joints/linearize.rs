@@ -33,16 +33,14 @@ fn read_at(mechanics: &Mechanics, stamp_s: f64, joint: usize) -> f64 {
 }
 
 impl Loaded {
-    fn new(mechanics: &Mechanics, path: &MeasuredPath, stamp_s: f64) -> Self {
-        let (links, mut at) = (path.joints.len(), Vec::<(f64, ArmState, JointVector)>::with_capacity(1));
+    fn new(mechanics: &Mechanics, links: usize, stamp_s: f64, rate_sd: JointVector) -> Self {
+        let mut at = Vec::<(f64, ArmState, JointVector)>::with_capacity(1);
         for t_s in (0..links).map(|i| read_at(mechanics, stamp_s, i)) {
             if at.iter().all(|(known_s, ..)| *known_s != t_s) {
                 let (arm, base) = (mechanics.arm(t_s), mechanics.base(t_s));
                 at.push((t_s, arm, mechanics.torques(t_s, &base, &arm, mechanics.thrust(t_s))));
             }
         }
-        let mut rate_sd = JointVector::zeros();
-        (0..links).for_each(|i| rate_sd[i] = path.rate_sd(i, stamp_s));
         Self { rate_sd, at }
     }
 
@@ -64,7 +62,9 @@ impl Loaded {
 
 /// What drives carry at each moment.
 pub(super) fn loaded(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row]) -> Vec<Loaded> {
-    moments(rows).iter().map(|moment| Loaded::new(mechanics, path, rows[moment.start].t_s)).collect()
+    let times_s: Vec<f64> = moments(rows).iter().map(|moment| rows[moment.start].t_s).collect();
+    let of = |(t_s, sd): (&f64, &JointVector)| Loaded::new(mechanics, path.joints.len(), *t_s, *sd);
+    times_s.iter().zip(path.rates_sd_at(&times_s)).map(of).collect()
 }
 
 /// What rows of these kinds read at one time.
@@ -88,9 +88,9 @@ fn readings_of<'a>(
         Kind::Rate(i) => path.joints[i].at(stamp_s)[1],
         Kind::Tip(axis) => tip.get_or_insert_with(|| mechanics.end_effector(stamp_s))[axis],
         Kind::Current(i) | Kind::Torque(i) | Kind::Undriven(i) => {
-            let drives = known.get_or_insert_with(|| match loaded {
-                Some(loaded) => loaded.drives(mechanics, stamp_s, links),
-                None => Loaded::new(mechanics, path, stamp_s).drives(mechanics, stamp_s, links),
+            let drives = known.get_or_insert_with(|| {
+                let new = || Loaded::new(mechanics, links, stamp_s, path.rates_sd(stamp_s));
+                loaded.map_or_else(|| new().drives(mechanics, stamp_s, links), |l| l.drives(mechanics, stamp_s, links))
             });
             match kind {
                 Kind::Current(_) => drives.current_a[i],

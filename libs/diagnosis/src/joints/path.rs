@@ -5,7 +5,9 @@ use super::track::{Track, quintic};
 use crate::servo_response::{ARRIVAL_SD_S, Answers, Nodes, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
 use fss_experiments::measured::{Joints, Many, Run};
+use fss_multibody::JointVector;
 use fss_plant::{Plant, Sensors};
+use std::sync::OnceLock;
 
 /// Spacing of a path's nodes, s. Between them it is a polynomial; nothing that moves a link is faster.
 const NODE_S: f64 = 0.005;
@@ -36,6 +38,8 @@ pub(super) struct MeasuredPath {
     pub(super) base: Option<[Track; 3]>,
     start_s: f64,
     nodes: usize,
+    /// Standard deviations of the joints' rates at the times of the rows that this path serves, once they were asked for.
+    rates_sd_at: OnceLock<Vec<JointVector>>,
 }
 
 impl MeasuredPath {
@@ -62,7 +66,16 @@ impl MeasuredPath {
         let expected: Option<Vec<Nodes>> = response.map(|r| r.nominal).or_else(|| command.map(follow));
         let reference = expected.map(|joints| joints.into_iter().map(track).collect());
         let (joints, rate_sd) = (Vec::new(), Vec::new());
-        let mut path = Self { joints, rate_sd, is_told_by_datagrams, reference, base: None, start_s, nodes };
+        let mut path = Self {
+            joints,
+            rate_sd,
+            is_told_by_datagrams,
+            reference,
+            base: None,
+            start_s,
+            nodes,
+            rates_sd_at: OnceLock::new(),
+        };
         for (i, own) in readings.iter().enumerate() {
             path.add_joint(i, own, &grid_s);
         }
@@ -118,11 +131,24 @@ impl MeasuredPath {
         smoothed.hypot(self.arrival_sd(joint, t_s))
     }
 
+    /// The same of all joints.
+    pub(super) fn rates_sd(&self, t_s: f64) -> JointVector {
+        let mut sd = JointVector::zeros();
+        (0..self.joints.len()).for_each(|i| sd[i] = self.rate_sd(i, t_s));
+        sd
+    }
+
+    /// The same at the times, s, of the rows that this path serves.
+    pub(super) fn rates_sd_at(&self, times_s: &[f64]) -> &[JointVector] {
+        self.rates_sd_at.get_or_init(|| times_s.iter().map(|t_s| self.rates_sd(*t_s)).collect())
+    }
+
     /// How much of a joint's rate at `t_s` hangs on when a datagram arrives, root mean square, rad/s.
     pub(super) fn arrival_sd(&self, joint: usize, t_s: f64) -> f64 {
         let Some(reference) = self.reference.as_ref().filter(|_| self.is_told_by_datagrams) else { return 0.0 };
         let rate = |by_s: f64| reference[joint].at(t_s + by_s)[1];
-        let squares = ARRIVALS.map(|by| (rate(by * ARRIVAL_SD_S) - rate(0.0)).powi(2));
+        let now = rate(0.0);
+        let squares = ARRIVALS.map(|by| (rate(by * ARRIVAL_SD_S) - now).powi(2));
         (squares.iter().sum::<f64>() / ARRIVALS.len() as f64).sqrt()
     }
 
@@ -223,6 +249,7 @@ mod tests {
             base: None,
             start_s: 0.0,
             nodes: 100,
+            rates_sd_at: OnceLock::new(),
         };
         let by_arrival = 2.0 * ARRIVAL_SD_S;
         assert!((path.arrival_sd(0, 0.2) / by_arrival - 1.0).abs() < 0.01);
