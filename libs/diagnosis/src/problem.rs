@@ -191,6 +191,11 @@ impl Problem {
         (Self { members, ..self.clone() }, Linearized { columns, ..of_all })
     }
 
+    /// Whether a candidate lets links swing, which is simulated.
+    pub(crate) fn swings(&self, candidate: usize) -> bool {
+        self.seen_in[candidate].is_some()
+    }
+
     /// Number of runs that have any block.
     pub(crate) fn runs(&self) -> usize {
         (0..self.runs).filter(|run| self.members.iter().any(|m| m.run == *run)).count()

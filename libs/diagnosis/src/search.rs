@@ -123,7 +123,9 @@ pub(crate) fn search<'a>(
     let (mut largest, mut again, mut unchanged) = (1, 0, false);
     let mut points = Vec::new();
     let mut visited = BTreeSet::from([Vec::new()]);
-    for round in 1..=ROUNDS {
+    let mut round = 0;
+    loop {
+        round += 1;
         say(&format!("searching for up to {largest}, round {round}"));
         if !unchanged {
             let is_open = |c: usize| is_among(c) && !refuted.contains(&c);
@@ -146,7 +148,15 @@ pub(crate) fn search<'a>(
         again = if same { again + 1 } else { 0 };
         let (estimate, deviations) = search.estimate(&points, &best);
         let start = points[search.judge(&points, &best.causes, &best.classes).1].hyper.clone();
-        let from = if same { model.clone() } else { search.scanned(&linearized, (&model, estimate), &best, &start)? };
+        let scanned = || search.scanned(&linearized, (&model, estimate), &best, &start);
+        let Some(from) = (if same { Some(model.clone()) } else { scanned()? }) else {
+            // Another stiffness may keep what this one's column promised.
+            let is_new = |c: &&usize| model.iter().all(|p: &Present| p.candidate != **c);
+            refuted.extend(best.causes.iter().filter(is_new).filter(|c| is_elastic(c)));
+            unchanged = false;
+            linearized = problem.linearized(&model, Slope::Secant, &|_, _| false, Kept::All(linearized))?;
+            continue;
+        };
         let now = search.polished(&linearized, from, &best, &start)?;
         let still = Search::stands_still(&model, &now, &deviations) || again >= AGAIN;
         let mut key = best.causes.clone();
@@ -154,7 +164,7 @@ pub(crate) fn search<'a>(
         // A set that was left for another and comes back would go on so for ever: it is taken.
         let comes_back = !same && !visited.insert(key.clone());
         let is_whole = comes_back || best.causes.len() < largest || largest + 1 == SIZES.len();
-        if (still && is_whole) || comes_back || round == ROUNDS {
+        if (still && is_whole) || comes_back || round >= ROUNDS {
             let sets = probabilities(sets);
             return Ok(Some(Searched { search, points, sets, model: now, hyper, linearized }));
         }
@@ -184,7 +194,6 @@ pub(crate) fn search<'a>(
         }
         model = search.polished(&linearized, model, &best, &hyper)?;
     }
-    unreachable_round()
 }
 
 /// The hyper-parameters' medians, without variation from run to run.
@@ -194,11 +203,6 @@ fn medians(problem: &Problem) -> Vec<f64> {
         *variation = VARIATIONS[0];
     }
     start
-}
-
-/// The loop above always returns in its last round.
-fn unreachable_round<'a>() -> Result<Option<Searched<'a>>, ModelError> {
-    unreachable!("the last round returns")
 }
 
 impl Searched<'_> {

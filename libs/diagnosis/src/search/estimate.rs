@@ -57,14 +57,14 @@ impl Search<'_> {
     }
 
     /// The estimate of a set, stiffnesses that the model before does not have at their likeliest: what swings on a spring tells its
-    /// frequency, so that the likelihood has many maxima.
+    /// frequency, so that the likelihood has many maxima. `None` where a drive that does not give way is likelier than any.
     pub(super) fn scanned(
         &self,
         about: &Linearized,
         (before, mut model): (&[Present], Vec<Present>),
         set: &Found,
         hyper: &[f64],
-    ) -> Result<Vec<Present>, ModelError> {
+    ) -> Result<Option<Vec<Present>>, ModelError> {
         for at in 0..model.len() {
             let own = &self.problem.candidates[model[at].candidate];
             if own.prior.response != Response::Inverse {
@@ -77,18 +77,22 @@ impl Search<'_> {
             }
             let (problem, uncertain) = self.problem.where_seen(model[at].candidate, self.problem.of_uncertain(about));
             let search = Search::new(&problem);
-            let Some(columns) = search.columns_of(uncertain, set, &model) else { return Ok(model) };
+            let Some(columns) = search.columns_of(uncertain, set, &model) else { return Ok(Some(model)) };
             let mut best = (f64::NEG_INFINITY, own.probe(0));
             let octave =
                 (-SCANNED..=SCANNED).map(|k| own.probe(0) * 2.0_f64.powf(0.5 * f64::from(k) / f64::from(SCANNED)));
-            for coordinate in octave {
+            let rigid = self.problem.swings(model[at].candidate).then_some(0.0);
+            for coordinate in octave.chain(rigid) {
                 model[at].coordinates[0] = coordinate;
                 let value = columns.log_evidence_given(&model, at, hyper)?;
                 best = if value > best.0 { (value, coordinate) } else { best };
             }
+            if best.1 == 0.0 {
+                return Ok(None);
+            }
             model[at].coordinates[0] = best.1;
         }
-        Ok(model)
+        Ok(Some(model))
     }
 
     /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves, with the columns that
