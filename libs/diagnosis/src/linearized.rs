@@ -19,6 +19,7 @@ pub(crate) enum Kept {
 }
 
 /// Columns of every block about a model: the data, then every parameter.
+#[derive(Default)]
 pub(crate) struct Linearized {
     pub(crate) columns: Vec<Vec<Vec<f64>>>,
     /// Size of each parameter in the model, which may vary from run to run.

@@ -358,11 +358,10 @@ impl Problem {
         };
         if own.prior.response == Response::Discrete {
             let there = predict(&[1.0])?;
-            return Ok(vec![if now[0] == 0.0 {
-                difference(&there, base, 1.0)
-            } else {
-                difference(base, &predict(&zero)?, 1.0)
-            }]);
+            let absent = if now[0] == 0.0 { None } else { Some(predict(&zero)?) };
+            return Ok(vec![
+                absent.map_or_else(|| difference(&there, base, 1.0), |absent| difference(base, &absent, 1.0)),
+            ]);
         }
         if slope == Slope::Tangent && own.prior.response != Response::Strength {
             let is_spring = own.prior.response == Response::Inverse;

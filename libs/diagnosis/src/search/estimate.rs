@@ -3,10 +3,12 @@
 use super::space::{Found, HyperPoint, Search};
 use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Present, Slope, is_same};
-use fss_estimation::evidence::Slab;
+use fss_estimation::evidence::{SetPosterior, Slab};
 use fss_multibody::ModelError;
 use fss_plant::Response;
 
+/// A change of a coordinate below this share of its deviation stands still.
+const STANDS_STILL: f64 = 0.5;
 /// Steps of estimation about one set at the most.
 const POLISHED: usize = 6;
 /// A spring's octave is scanned in so many steps to either side, each a twentieth of a swing's frequency.
@@ -118,5 +120,83 @@ impl Search<'_> {
             }
         }
         Ok(model)
+    }
+}
+
+impl Search<'_> {
+    /// Logarithm of a set's marginal likelihood and prior, about its own estimate.
+    pub(super) fn log_posterior(&self, (about, hyper): (&Linearized, &[f64]), set: &Found) -> f64 {
+        let (parameters, position) = self.parameters_with(&set.causes);
+        let point = self.point(about, hyper, &parameters, &GramCache::default());
+        let slabs = self.slabs(&set.causes, &set.classes, &position);
+        let value = point.zip(slabs).and_then(|(point, slabs)| point.log_posterior(&slabs));
+        value.map_or(f64::NEG_INFINITY, |value| value + self.prior_of_set(&set.causes))
+    }
+
+    /// Notes which candidates act just as a cause of the model does: by what both do at its size, not by their columns, which
+    /// differ where actions are not in proportion.
+    pub(super) fn note_identical(
+        &mut self,
+        linearized: &Linearized,
+        hyper: &[f64],
+        model: &[Present],
+    ) -> Result<(), ModelError> {
+        for present in model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
+            let own = present.candidate;
+            let alike = self.problem.acting_alike(linearized, hyper, model, present)?;
+            self.identical.extend(alike.into_iter().map(|(other, at)| ((own.min(other), own.max(other)), (other, at))));
+        }
+        Ok(())
+    }
+
+    /// Posterior means of the uncertain values with a set, in stated standard deviations.
+    pub(super) fn values(&self, points: &[HyperPoint], set: &Found) -> Vec<f64> {
+        let slabs = self.slabs(&set.causes, &set.classes, &self.position);
+        let found = self.posterior(points, set).zip(slabs);
+        let means = found.map(|((posterior, at), slabs)| points[at].posterior.means_given(&slabs, &posterior));
+        let first = self.parameters.len() - self.problem.uncertain.len();
+        means.map_or_else(|| vec![0.0; self.problem.uncertain.len()], |m| m[first..].to_vec())
+    }
+
+    /// The best set at its posterior mean, and the deviations of its coordinates.
+    pub(super) fn estimate(&self, points: &[HyperPoint], set: &Found) -> (Vec<Present>, Vec<Vec<f64>>) {
+        match self.posterior(points, set) {
+            Some((posterior, _)) => self.presented(set, &posterior),
+            None => (Vec::new(), Vec::new()),
+        }
+    }
+
+    /// A set at its posterior mean, within bounds, and the deviations of its coordinates.
+    fn presented(&self, set: &Found, posterior: &SetPosterior) -> (Vec<Present>, Vec<Vec<f64>>) {
+        let (mut model, mut deviations) = (Vec::new(), Vec::new());
+        let mut at = 0;
+        for candidate in &set.causes {
+            let size = self.problem.candidates[*candidate].size;
+            let own = |i: usize| posterior.mean[at + i];
+            let coordinates = if self.problem.candidates[*candidate].prior.response == Response::Discrete {
+                vec![1.0]
+            } else {
+                let inside = |i: usize| {
+                    let [lower, upper] = self.problem.candidates[*candidate].bounds(i);
+                    own(i).clamp(lower, upper)
+                };
+                (0..size).map(inside).collect()
+            };
+            deviations.push((0..size).map(|i| posterior.covariance[(at + i, at + i)].sqrt()).collect());
+            model.push(Present { candidate: *candidate, coordinates });
+            at += size;
+        }
+        (model, deviations)
+    }
+
+    pub(super) fn stands_still(before: &[Present], now: &[Present], deviations: &[Vec<f64>]) -> bool {
+        let close = |now: &Present, sd: &Vec<f64>| {
+            let before = before.iter().find(|p| p.candidate == now.candidate);
+            before.is_some_and(|before| {
+                let moved = before.coordinates.iter().zip(&now.coordinates).zip(sd);
+                moved.into_iter().all(|((a, b), sd)| (a - b).abs() <= (STANDS_STILL * sd).max(1e-3 * b.abs()))
+            })
+        };
+        before.len() == now.len() && now.iter().zip(deviations).all(|(now, sd)| close(now, sd))
     }
 }

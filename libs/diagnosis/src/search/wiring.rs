@@ -12,9 +12,10 @@
 //! with that of the best set of causes.
 
 use super::hyper::Reach;
+use super::no_cause::medians;
+use super::searched::Searched;
 use super::sets::{SIZES, log_sum};
 use super::space::Search;
-use super::{Searched, medians};
 use crate::conclude::ASSERTED;
 use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Member, Problem, Slope, difference};

@@ -1,0 +1,267 @@
+//! The course of a search: rounds that choose a set of causes, estimate it and linearize about it, until set and values stand still.
+
+use super::hyper::{PROMISING, Reach};
+use super::no_cause::NoCause;
+use super::searched::Searched;
+use super::sets::{SIZES, probabilities};
+use super::space::{Found, HyperPoint, Search};
+use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope, is_same};
+use fss_multibody::ModelError;
+use std::collections::BTreeSet;
+
+/// Rounds at the most.
+const ROUNDS: usize = 14;
+/// So often at the most a set is linearized about its values without another set being better.
+const AGAIN: usize = 3;
+
+/// A model with the linearization about it.
+struct About {
+    model: Vec<Present>,
+    linearized: Linearized,
+    /// Hyper-parameters that suit it best.
+    hyper: Vec<f64>,
+    /// Logarithm of its marginal likelihood and prior.
+    log_posterior: f64,
+}
+
+/// Where a search stands.
+struct Course<'a> {
+    search: Search<'a>,
+    now: About,
+    /// Hyper-parameters that suit the runs without causes.
+    null_hyper: Vec<f64>,
+    /// Candidates that the search is among; all where there are none.
+    among: Option<BTreeSet<usize>>,
+    /// Candidates whose columns promised what they themselves do not keep beside the present model.
+    refuted: BTreeSet<usize>,
+    /// Sets that any round chose.
+    visited: BTreeSet<Vec<usize>>,
+    points: Vec<HyperPoint>,
+    round: usize,
+    /// Causes of a set at the most.
+    largest: usize,
+    /// Rounds that chose the same set.
+    again: usize,
+    /// Whether the points are about the present model.
+    is_seen: bool,
+}
+
+/// What becomes of the set that a round chose.
+enum Next {
+    /// Another one is sought.
+    Another,
+    /// The search ends with this model.
+    End(Vec<Present>),
+    /// It is linearized about this model.
+    About(Vec<Present>),
+}
+
+/// Searches `among` some candidates, or all. `None` where a soft drive is less probable than a `rival`, which is asked for where one
+/// comes up: a logarithm.
+pub(crate) fn search<'a>(
+    problem: &'a Problem,
+    nothing: NoCause,
+    among: Option<&BTreeSet<usize>>,
+    rival: &dyn Fn() -> Result<Option<f64>, ModelError>,
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<Option<Searched<'a>>, ModelError> {
+    say("linearizing");
+    let mut course = Course::new(problem, nothing, among)?;
+    loop {
+        say(&format!("searching for up to {}, round {}", course.largest, course.round + 1));
+        let sets = course.sets()?;
+        let best = sets[0].clone();
+        let is_soft = best.causes.iter().any(|c| course.is_elastic(*c));
+        let loses = |log_posterior: f64| -> Result<bool, ModelError> {
+            Ok(is_soft && rival()?.is_some_and(|rival| log_posterior < rival))
+        };
+        if loses(best.log_posterior)? {
+            return Ok(None);
+        }
+        match course.estimated(&best)? {
+            Next::Another => {}
+            Next::End(model) => return Ok(Some(course.ended(sets, model))),
+            Next::About(model) => {
+                say(&format!("linearizing about {}", course.names(&model)));
+                let about = course.linearized(model, &best)?;
+                if loses(about.log_posterior)? {
+                    return Ok(None);
+                }
+                course.take(about, &best)?;
+            }
+        }
+    }
+}
+
+impl<'a> Course<'a> {
+    /// Linearizes about no cause.
+    fn new(
+        problem: &'a Problem,
+        NoCause { uncertain, hyper, log_posterior, .. }: NoCause,
+        among: Option<&BTreeSet<usize>>,
+    ) -> Result<Self, ModelError> {
+        let at_first =
+            |c: usize, member: &Member| among.is_none_or(|among| among.contains(&c)) && problem.at_first(c, member);
+        let linearized = problem.linearized(&[], Slope::Secant, &at_first, Kept::All(uncertain))?;
+        Ok(Self {
+            search: Search::new(problem),
+            null_hyper: hyper.clone(),
+            now: About { model: Vec::new(), linearized, hyper, log_posterior },
+            among: among.cloned(),
+            refuted: BTreeSet::new(),
+            visited: BTreeSet::from([Vec::new()]),
+            points: Vec::new(),
+            round: 0,
+            largest: 1,
+            again: 0,
+            is_seen: false,
+        })
+    }
+
+    /// A round's sets, most probable first.
+    fn sets(&mut self) -> Result<Vec<Found>, ModelError> {
+        self.round += 1;
+        if !self.is_seen {
+            self.look()?;
+        }
+        let (search, now) = (&mut self.search, &self.now);
+        search.varying = now.model.iter().map(|p| p.candidate).collect();
+        let sets = search.beam(&self.points, self.largest);
+        let promising = if self.is_seen { 1 } else { PROMISING };
+        if search.add_optima(&now.linearized, &now.model, &sets, promising, &mut self.points) {
+            return Ok(search.beam(&self.points, self.largest));
+        }
+        Ok(sets)
+    }
+
+    /// Chooses candidates, and the points at which sets of them are compared.
+    fn look(&mut self) -> Result<(), ModelError> {
+        let Self { search, now, null_hyper, among, refuted, .. } = self;
+        let (problem, is_first) = (search.problem, self.round == 1);
+        let is_open = |c: usize| among.as_ref().is_none_or(|among| among.contains(&c)) && !refuted.contains(&c);
+        search.shortlist(&now.linearized, &now.model, (null_hyper, &now.hyper), &is_open);
+        let chosen = &search.chosen;
+        let wanted = |c: usize, m: &Member| chosen.contains(&c) && !(is_first && problem.at_first(c, m));
+        let kept = Kept::All(std::mem::take(&mut now.linearized));
+        now.linearized = problem.linearized(&now.model, Slope::Secant, &wanted, kept)?;
+        self.points = search.points(&now.linearized, null_hyper, &now.hyper);
+        Ok(())
+    }
+
+    fn is_same_as(&self, set: &Found) -> bool {
+        let model = &self.now.model;
+        model.len() == set.causes.len() && model.iter().all(|p| set.causes.contains(&p.candidate))
+    }
+
+    /// Hyper-parameters of the point that suits a set best.
+    fn best_hyper(&self, set: &Found) -> Vec<f64> {
+        self.points[self.search.judge(&self.points, &set.causes, &set.classes).1].hyper.clone()
+    }
+
+    /// Estimates the best set.
+    fn estimated(&mut self, best: &Found) -> Result<Next, ModelError> {
+        let (search, now) = (&self.search, &self.now);
+        let same = self.is_same_as(best);
+        self.again = if same { self.again + 1 } else { 0 };
+        let (estimate, deviations) = search.estimate(&self.points, best);
+        let start = self.best_hyper(best);
+        let scanned = || search.scanned(&now.linearized, (&now.model, estimate), best, &start);
+        let Some(from) = (if same { Some(now.model.clone()) } else { scanned()? }) else {
+            // Another stiffness may keep what this one's column promised.
+            let news = best.causes.iter().filter(|c| now.model.iter().all(|p| p.candidate != **c));
+            let stiffnesses: Vec<usize> = news.copied().filter(|c| self.is_elastic(*c)).collect();
+            let kept = Kept::All(std::mem::take(&mut self.now.linearized));
+            self.now.linearized = search.problem.linearized(&self.now.model, Slope::Secant, &|_, _| false, kept)?;
+            self.refuted.extend(stiffnesses);
+            self.is_seen = false;
+            return Ok(Next::Another);
+        };
+        let model = search.polished(&now.linearized, from, best, &start)?;
+        let still = Search::stands_still(&now.model, &model, &deviations) || self.again >= AGAIN;
+        // A set that was left for another and comes back would go on so for ever: it is taken.
+        let comes_back = !same && !self.visited.insert(key(best));
+        let is_whole = comes_back || best.causes.len() < self.largest || self.largest + 1 == SIZES.len();
+        if (still && is_whole) || comes_back || self.round >= ROUNDS {
+            return Ok(Next::End(model));
+        }
+        self.is_seen = still;
+        if still {
+            (self.now.model, self.largest, self.again) = (model, self.largest + 1, 0);
+            return Ok(Next::Another);
+        }
+        Ok(Next::About(model))
+    }
+
+    /// Linearizes about a model of the best set.
+    fn linearized(&mut self, model: Vec<Present>, best: &Found) -> Result<About, ModelError> {
+        let start = self.best_hyper(best);
+        self.search.about(model, best, &start, std::mem::take(&mut self.now.linearized))
+    }
+
+    /// Goes on with the best set, linearized about its model.
+    fn take(&mut self, next: About, best: &Found) -> Result<(), ModelError> {
+        let (problem, same) = (self.search.problem, self.is_same_as(best));
+        let news = self.search.like_news(best, &self.now.model);
+        if news.iter().any(|c| self.is_elastic(*c)) && next.log_posterior < self.now.log_posterior {
+            // What a soft drive does is far from proportional: its column promised what the drive itself does not keep.
+            self.refuted.extend(news);
+            self.visited.remove(&key(best));
+            let model = &self.now.model;
+            let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
+            self.now.linearized = problem.linearized(model, Slope::Secant, &present, Kept::Causes(next.linearized))?;
+            return Ok(());
+        }
+        self.now = next;
+        let now = &mut self.now;
+        if !same {
+            self.refuted.clear();
+            self.search.note_identical(&now.linearized, &now.hyper, &now.model)?;
+        }
+        now.model = self.search.polished(&now.linearized, std::mem::take(&mut now.model), best, &now.hyper)?;
+        Ok(())
+    }
+
+    fn is_elastic(&self, candidate: usize) -> bool {
+        self.search.problem.candidates[candidate].is_elastic(&self.search.problem.plant)
+    }
+
+    /// What a model says in a line.
+    fn names(&self, model: &[Present]) -> String {
+        self.search.names(model)
+    }
+
+    /// What the search came to.
+    fn ended(self, sets: Vec<Found>, model: Vec<Present>) -> Searched<'a> {
+        let Self { search, points, now: About { hyper, linearized, .. }, .. } = self;
+        Searched { search, points, sets: probabilities(sets), model, hyper, linearized }
+    }
+}
+
+/// A set's candidates, whatever their order.
+fn key(set: &Found) -> Vec<usize> {
+    let mut key = set.causes.clone();
+    key.sort_unstable();
+    key
+}
+
+impl Search<'_> {
+    /// Linearizes about a model of a set; columns of causes that it does not have stay.
+    fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], kept: Linearized) -> Result<About, ModelError> {
+        let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
+        let linearized = self.problem.linearized(&model, Slope::Secant, &present, Kept::Causes(kept))?;
+        let hyper = self.optimized(&linearized, &set.causes, &set.classes, start, Reach::OF_MODEL, |_, _| true);
+        let log_posterior = self.log_posterior((&linearized, &hyper), set);
+        Ok(About { model, linearized, hyper, log_posterior })
+    }
+
+    /// Causes of a set that a model does not have, and the same effects with other values.
+    fn like_news(&self, set: &Found, model: &[Present]) -> Vec<usize> {
+        let candidates = &self.problem.candidates;
+        let is_new = |c: &&usize| model.iter().all(|p| p.candidate != **c);
+        let like = |c: &usize| {
+            let same = |other: &usize| other == c || is_same(&candidates[*other].nominal, &candidates[*c].nominal);
+            (0..candidates.len()).filter(|other| same(other)).collect::<Vec<_>>()
+        };
+        set.causes.iter().filter(is_new).flat_map(like).collect()
+    }
+}
