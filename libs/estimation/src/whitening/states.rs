@@ -30,7 +30,8 @@ struct Rows {
 #[derive(Debug)]
 struct Updates {
     count: usize,
-    /// Of each measurement a row as long as the states' rows: its covariance with the states, then the columns' expected values.
+    /// Of each measurement a row as long as the states' rows: its covariance with the states over its standard deviation, then the
+    /// columns' expected values.
     gains: Vec<f64>,
     rows: Vec<f64>,
 }
@@ -171,13 +172,16 @@ fn measure(
         add_scaled(gain, measured.iter().map(|(state, c)| c * before[*state]).sum(), row);
     }
     let variance = measured.iter().map(|(state, c)| c * gain[*state]).sum::<f64>() + noise;
-    let (over_sd, over_variance) = (1.0 / variance.sqrt(), 1.0 / variance);
+    let over_sd = 1.0 / variance.sqrt();
     let update = &mut rows[*count * stride..(*count + 1) * stride];
     for ((value, expected), update) in values.iter_mut().zip(&gain[lead..]).zip(&mut update[lead..]) {
         *value = (*value - expected) * over_sd;
-        *update = *value * over_sd;
+        *update = *value;
     }
-    update.iter_mut().zip(&gain[..lead]).for_each(|(u, g)| *u = -g * over_variance);
+    for (gain, update) in gain[..lead].iter_mut().zip(update) {
+        *gain *= over_sd;
+        *update = -*gain;
+    }
     *count += 1;
     variance
 }
