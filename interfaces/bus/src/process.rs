@@ -64,6 +64,11 @@ pub fn run(
         boundary = if done < following { following } else { next_boundary(done, period_ns, phase.ns()) };
         monitor.count_skipped((boundary.ns() - following.ns()) / period_ns);
     }
+    if runner.takes_the_last() {
+        let now = realtime::now()?;
+        runner.step(now);
+        runner.flush(now);
+    }
     Ok(granted)
 }
 
@@ -85,8 +90,51 @@ fn announce(name: &str, events: &mut Output<Event>, granted: &Privileges, starts
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::{Runner, Service};
+
+    crate::inputs! {
+        struct Inputs {
+            events: crate::Batch<Event> = topic::EVENTS,
+        }
+    }
+
+    crate::outputs! {
+        struct Outputs {
+            events: Output<Event> = topic::EVENTS,
+        }
+    }
+
+    struct Listener(Vec<u64>);
+
+    impl Service for Listener {
+        type Inputs = Inputs;
+        type Outputs = Outputs;
+        const NAME: &'static str = "listener";
+        const TAKES_THE_LAST: bool = true;
+
+        fn step(&mut self, _now: Time, inputs: &Inputs, _outputs: &mut Outputs) {
+            self.0.extend(inputs.events.samples().iter().map(|event| event.stamp_ns));
+        }
+    }
+
+    #[test]
+    fn what_comes_between_the_last_step_and_the_end_is_taken() {
+        let bus = Bus::local();
+        let mut runner = Runner::new(Listener(Vec::new()), &bus).unwrap();
+        let mut events = Output::open(&bus, topic::EVENTS).unwrap();
+        let schedule: Schedule = toml::from_str("name = \"listener\"\nrate_hz = 100.0").unwrap();
+        let stop = AtomicBool::new(false);
+        let after_step = || {
+            events.publish(Event { stamp_ns: 7, ..Event::default() });
+            events.flush(Time::from_ns(7));
+            stop.store(true, Ordering::Relaxed);
+        };
+        run(&mut runner, &bus, &schedule, 1, &stop, after_step).unwrap();
+        assert_eq!(runner.service.0.last(), Some(&7));
+    }
 
     #[test]
     fn boundaries_are_the_multiples_of_the_period_plus_the_phase() {

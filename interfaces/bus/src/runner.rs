@@ -11,6 +11,8 @@ pub trait Service {
     type Outputs: OutputPorts;
     /// Its name in launch files, health and events.
     const NAME: &'static str;
+    /// Whether it steps once more when it is asked to stop, so that nothing that came since its last step is lost.
+    const TAKES_THE_LAST: bool = false;
 
     /// One step at `now`.
     fn step(&mut self, now: Time, inputs: &Self::Inputs, outputs: &mut Self::Outputs);
@@ -37,6 +39,10 @@ pub trait Run {
     /// As [`Service::waited_ns`].
     fn waited_ns(&self) -> Option<u64> {
         None
+    }
+    /// As [`Service::TAKES_THE_LAST`].
+    fn takes_the_last(&self) -> bool {
+        false
     }
 }
 
@@ -107,5 +113,9 @@ impl<S: Service> Run for Runner<S> {
 
     fn waited_ns(&self) -> Option<u64> {
         self.service.waited_ns()
+    }
+
+    fn takes_the_last(&self) -> bool {
+        S::TAKES_THE_LAST
     }
 }

@@ -184,6 +184,7 @@ impl Service for Recorder {
     type Inputs = AllTopics;
     type Outputs = Outputs;
     const NAME: &'static str = NAME;
+    const TAKES_THE_LAST: bool = true;
 
     fn step(&mut self, now: Time, inputs: &AllTopics, outputs: &mut Outputs) {
         for (i, input) in inputs.iter().enumerate() {
