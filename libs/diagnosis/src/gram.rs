@@ -10,12 +10,13 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
 /// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
-/// day. What is absent does not vary, or variation could stand for any cause.
+/// day. What varies by much more than a third of its size has either sign, and is no property of the vehicle. What is absent does not
+/// vary, or variation could stand for any cause.
 pub(crate) const VARIATION: HyperParameter = HyperParameter {
     name: "variation from run to run, share of size",
     median: 0.05,
     log_sd: 1.5,
-    bounds: [1e-4, 3.0],
+    bounds: [1e-4, 0.3],
     strength_of: None,
 };
 

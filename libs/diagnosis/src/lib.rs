@@ -49,7 +49,7 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
-use search::{NoCause, Noise, Rewired, Searched};
+use search::{Contact, NoCause, Noise, Rewired, Searched};
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
 use tuning::Tuning;
@@ -66,7 +66,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis, ModelError> {
     let Examined { plant, runs, remarks } = examine(plant, runs);
     let validation = examine(&plant, validation).runs;
-    let answer = answer(&plant, (&runs, &validation), Wiring::OfFile, say)?;
+    let answer = answer(&plant, (&runs, &validation), &Start::PlantFile, say)?;
     let remarks = [remarks, answer.remarks].concat();
     Ok(Diagnosis { remarks, ..answer })
 }
@@ -84,23 +84,32 @@ fn commands_do_nothing(plant: &Plant, causes: &[Cause]) -> bool {
     pushes(&plant.effects) && !pushes(&with)
 }
 
-/// Where a plant's wiring comes from.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Wiring {
-    OfFile,
-    Found,
+/// What a search sets out from.
+enum Start {
+    /// The plant file, as it is.
+    PlantFile,
+    /// A plant with a wiring that was found.
+    Rewired,
+    /// A contact that was found, which no other cause is sought beside.
+    Contact(Contact),
+}
+
+impl Start {
+    fn contact(&self) -> Option<&Contact> {
+        if let Self::Contact(contact) = self { Some(contact) } else { None }
+    }
 }
 
 /// The answer from records that hold nothing but measurements.
 fn answer(
     plant: &Plant,
     records: (&[Run], &[Run]),
-    wiring: Wiring,
+    start: &Start,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
     let (mut tuning, mut hyper) = (Tuning::default(), None);
     // With gains that a search found, the candidates that it looked at are worth a look.
-    let mut among: Option<BTreeSet<usize>> = None;
+    let mut among = start.contact().map(|contact| BTreeSet::from([contact.candidate()]));
     let mut problem = Problem::new(plant, records.0, &tuning)?;
     if problem.is_empty() {
         return Ok(nothing_to_say(plant));
@@ -125,18 +134,18 @@ fn answer(
             }
             Ok(tuned.get().map(|tuned| tuned.nothing.log_posterior))
         };
-        let Some(searched) = search::search(&problem, nothing, among.as_ref(), &rival, say)? else {
+        let Some(searched) = search::search(&problem, nothing, (start.contact(), among.as_ref()), &rival, say)? else {
             let tuned = tuned.into_inner().map_or_else(|| Tuned::new(plant, records.0, (gains, &known), say), Ok)?;
             (tuning, problem, ready, hyper) = (tuned.tuning, tuned.problem, Some(tuned.nothing), Some(known));
             continue;
         };
         let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
         if again == RETUNED || found.is_near(&tuning) {
-            return answer_of(&searched, records, wiring, say);
+            return answer_of(&searched, records, start, say);
         }
         let next = Problem::new(plant, records.0, &found)?;
         if !searched.is_likelier_in(&next)? {
-            return answer_of(&searched, records, wiring, say);
+            return answer_of(&searched, records, start, say);
         }
         (tuning, hyper, among) = (found, Some(known), Some(searched.search.looked_at));
         problem = next;
@@ -181,7 +190,7 @@ const RETUNED: usize = 2;
 fn answer_of(
     searched: &Searched,
     records: (&[Run], &[Run]),
-    wiring: Wiring,
+    start: &Start,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
     let (problem, (runs, validation)) = (searched.search.problem, records);
@@ -194,16 +203,18 @@ fn answer_of(
     let mut remarks = Vec::new();
     if concluded.verdict.leaves_something() {
         say("asking for another wiring");
-        let found = if wiring == Wiring::OfFile { search::rewired(searched)? } else { None };
-        match found {
-            Some(Rewired::By(exchanges, probability)) => {
-                return rewired(&problem.plant_file, records, (exchanges, probability), before, say);
-            }
-            None if !commands_do_nothing(&problem.plant, &concluded.causes) => {}
-            Some(Rewired::Silent) | None => {
-                remarks.push(NO_COMMAND_SHOWS.to_owned());
-                concluded.assert_nothing();
-            }
+        let is_first = matches!(start, Start::PlantFile);
+        let wiring = if is_first { search::rewired(searched)? } else { None };
+        if let Some(Rewired::By(exchanges, probability)) = wiring {
+            return rewired(&problem.plant_file, records, (exchanges, probability), before, say);
+        }
+        say("asking for contacts");
+        if let Some(contact) = if is_first { search::contact(searched)? } else { None } {
+            return Ok(beside(before, answer(&problem.plant_file, records, &Start::Contact(contact), say)?));
+        }
+        if wiring.is_some() || commands_do_nothing(&problem.plant, &concluded.causes) {
+            remarks.push(NO_COMMAND_SHOWS.to_owned());
+            concluded.assert_nothing();
         }
     }
     say("asking for single pulses");
@@ -244,13 +255,18 @@ fn rewired(
 ) -> Result<Diagnosis, ModelError> {
     let mut wired = plant.clone();
     wired.effects.extend(exchanges.iter().cloned());
-    let mut answer = answer(&wired, records, Wiring::Found, say)?;
+    let mut answer = answer(&wired, records, &Start::Rewired, say)?;
     let causes = exchanges.into_iter().map(|effect| Cause::certain(effect, probability));
     answer.causes.splice(0..0, causes);
     answer.verdict = answer.verdict.with_causes();
-    answer.gain.before = before.overall();
-    let (before, validation_before) = (before.fitted, before.validation);
-    Ok(Diagnosis { before, validation_before, probability_of_none: 0.0, ..answer })
+    answer.probability_of_none = 0.0;
+    Ok(beside(before, answer))
+}
+
+/// An answer beside the misfit of the plant as given.
+fn beside(before: Misfits, answer: Diagnosis) -> Diagnosis {
+    let gain = Gain { before: before.overall(), ..answer.gain };
+    Diagnosis { gain, before: before.fitted, validation_before: before.validation, ..answer }
 }
 
 /// The plant with what was concluded.

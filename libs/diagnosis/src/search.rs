@@ -11,8 +11,9 @@
 //! - `no_cause`: the runs without causes.
 //! - `shortlist`, `estimate`, `course`: the candidates of a round, the estimate of its best set, the rounds.
 //! - `searched`: what a search came to.
-//! - `wiring`: wirings of the thrusters.
+//! - `contacts`: play in joints, about itself; `wiring`: wirings of the thrusters.
 
+mod contacts;
 mod course;
 mod estimate;
 mod hyper;
@@ -23,6 +24,7 @@ mod shortlist;
 mod space;
 mod wiring;
 
+pub(crate) use contacts::{Contact, contact};
 pub(crate) use course::search;
 pub(crate) use no_cause::{NoCause, Noise, without_causes};
 pub(crate) use searched::Searched;

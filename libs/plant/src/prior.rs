@@ -41,6 +41,8 @@ pub struct Prior {
     pub spike: [f64; MAX_PARAMETERS],
     /// Special values of the first parameter.
     pub points: &'static [f64],
+    /// Whether its forces come and go with contact: in the small it does nothing like what it does.
+    pub is_contact: bool,
 }
 
 impl Prior {
@@ -48,7 +50,13 @@ impl Prior {
     pub fn of(parameters: &[Parameter]) -> Self {
         let mut typical = [0.0; MAX_PARAMETERS];
         typical.iter_mut().zip(parameters).for_each(|(own, parameter)| *own = parameter.scale);
-        Self { response: Response::Linear, typical, spike: typical.map(|size| SPIKE_SHARE * size), points: &[] }
+        Self {
+            response: Response::Linear,
+            typical,
+            spike: typical.map(|size| SPIKE_SHARE * size),
+            points: &[],
+            is_contact: false,
+        }
     }
 
     /// Linear, with these typical sizes and spikes.
@@ -58,7 +66,13 @@ impl Prior {
             all.iter_mut().zip(values).for_each(|(own, value)| *own = *value);
             all
         };
-        Self { response: Response::Linear, typical: padded(typical), spike: padded(spike), points: &[] }
+        Self {
+            response: Response::Linear,
+            typical: padded(typical),
+            spike: padded(spike),
+            points: &[],
+            is_contact: false,
+        }
     }
 
     /// The same with another response.
@@ -72,6 +86,13 @@ impl Prior {
     #[must_use]
     pub fn with_points(mut self, points: &'static [f64]) -> Self {
         self.points = points;
+        self
+    }
+
+    /// The same of an effect whose forces come and go with contact.
+    #[must_use]
+    pub fn of_contact(mut self) -> Self {
+        self.is_contact = true;
         self
     }
 }

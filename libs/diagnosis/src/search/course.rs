@@ -1,7 +1,8 @@
 //! The course of a search: rounds that choose a set of causes, estimate it and linearize about it, until set and values stand still.
 
-use super::hyper::{PROMISING, Reach};
-use super::no_cause::NoCause;
+use super::contacts::Contact;
+use super::hyper::PROMISING;
+use super::no_cause::{NoCause, medians};
 use super::searched::Searched;
 use super::sets::{SIZES, probabilities};
 use super::space::{Found, HyperPoint, Search};
@@ -56,17 +57,17 @@ enum Next {
     About(Vec<Present>),
 }
 
-/// Searches `among` some candidates, or all. `None` where a soft drive is less probable than a `rival`, which is asked for where one
-/// comes up: a logarithm.
+/// Searches from no cause or `from` a contact, `among` some candidates or all. `None` where a soft drive is less probable than a
+/// `rival`, which is asked for where one comes up: a logarithm.
 pub(crate) fn search<'a>(
     problem: &'a Problem,
     nothing: NoCause,
-    among: Option<&BTreeSet<usize>>,
+    (from, among): (Option<&Contact>, Option<&BTreeSet<usize>>),
     rival: &dyn Fn() -> Result<Option<f64>, ModelError>,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Option<Searched<'a>>, ModelError> {
     say("linearizing");
-    let mut course = Course::new(problem, nothing, among)?;
+    let mut course = Course::new(problem, nothing, from, among)?;
     loop {
         say(&format!("searching for up to {}, round {}", course.largest, course.round + 1));
         let sets = course.sets()?;
@@ -94,19 +95,30 @@ pub(crate) fn search<'a>(
 }
 
 impl<'a> Course<'a> {
-    /// Linearizes about no cause.
+    /// Linearizes about the first model.
     fn new(
         problem: &'a Problem,
         NoCause { uncertain, hyper, log_posterior, .. }: NoCause,
+        from: Option<&Contact>,
         among: Option<&BTreeSet<usize>>,
     ) -> Result<Self, ModelError> {
-        let at_first =
-            |c: usize, member: &Member| among.is_none_or(|among| among.contains(&c)) && problem.at_first(c, member);
-        let linearized = problem.linearized(&[], Slope::Secant, &at_first, Kept::All(uncertain))?;
+        let model: Vec<Present> = from.iter().map(|contact| contact.present.clone()).collect();
+        let is_in = |c: usize| model.iter().any(|p| p.candidate == c);
+        let at_first = |c: usize, member: &Member| {
+            is_in(c) || among.is_none_or(|among| among.contains(&c)) && problem.at_first(c, member)
+        };
+        let kept = if model.is_empty() { Kept::All(uncertain) } else { Kept::Nothing };
+        let linearized = problem.linearized(&model, Slope::Secant, &at_first, kept)?;
+        let search = Search::new(problem);
+        let null_hyper = hyper.clone();
+        let (hyper, log_posterior) = match from {
+            Some(contact) => search.optimum(&linearized, &contact.alone(), &medians(problem)),
+            None => (hyper, log_posterior),
+        };
         Ok(Self {
-            search: Search::new(problem),
-            null_hyper: hyper.clone(),
-            now: About { model: Vec::new(), linearized, hyper, log_posterior },
+            search,
+            null_hyper,
+            now: About { model, linearized, hyper, log_posterior },
             among: among.cloned(),
             refuted: BTreeSet::new(),
             visited: BTreeSet::from([Vec::new()]),
@@ -249,8 +261,7 @@ impl Search<'_> {
     fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], kept: Linearized) -> Result<About, ModelError> {
         let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
         let linearized = self.problem.linearized(&model, Slope::Secant, &present, Kept::Causes(kept))?;
-        let hyper = self.optimized(&linearized, &set.causes, &set.classes, start, Reach::OF_MODEL, |_, _| true);
-        let log_posterior = self.log_posterior((&linearized, &hyper), set);
+        let (hyper, log_posterior) = self.optimum(&linearized, set, start);
         Ok(About { model, linearized, hyper, log_posterior })
     }
 

@@ -5,7 +5,7 @@ use fss_estimation::evidence::{Slab, SpikePosterior};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Variations from run to run that sets are compared at.
-pub(super) const VARIATIONS: [f64; 5] = [1e-4, 0.03, 0.1, 0.3, 1.0];
+pub(super) const VARIATIONS: [f64; 4] = [1e-4, 0.03, 0.1, 0.3];
 
 /// The candidates, and which of them a round looks at.
 pub(crate) struct Search<'a> {

@@ -23,7 +23,7 @@ impl EffectKind for JointBacklash {
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let _ = (plant, index);
-        Prior::sized(&[5e-3], &[1e-4])
+        Prior::sized(&[5e-3], &[1e-4]).of_contact()
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
