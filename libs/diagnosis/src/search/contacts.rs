@@ -9,6 +9,7 @@ use super::hyper::Reach;
 use super::no_cause::medians;
 use super::searched::Searched;
 use super::space::{Found, Search};
+use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Present, Problem, Slope};
 use fss_multibody::ModelError;
 
@@ -57,8 +58,8 @@ fn gained(searched: &Searched, candidate: usize) -> Result<(f64, Contact), Model
     for by in SIZES {
         let present = present_at(&problem, candidate, by);
         let about = search.with_columns_of(std::slice::from_ref(&present), problem.of_uncertain(&uncertain))?;
-        for (class, start) in (0..search.classes(candidate)).flat_map(|class| starts.iter().map(move |s| (class, s))) {
-            let value = search.log_posterior((&about, start), &alone(candidate, class));
+        for start in &starts {
+            let (value, class) = search.likeliest_class((&about, start), candidate);
             if value > likeliest.0 {
                 likeliest = (value, present.clone(), class, start);
             }
@@ -85,6 +86,18 @@ impl Search<'_> {
     fn with_columns_of(&self, model: &[Present], kept: Linearized) -> Result<Linearized, ModelError> {
         let is_present = |c: usize, _: &_| model.iter().any(|p| p.candidate == c);
         self.problem.linearized(model, Slope::Secant, &is_present, Kept::All(kept))
+    }
+
+    /// The class of its prior in which a cause alone is likeliest, and the logarithm of its marginal likelihood there.
+    fn likeliest_class(&self, (about, hyper): (&Linearized, &[f64]), candidate: usize) -> (f64, usize) {
+        let (parameters, position) = self.parameters_with(&[candidate]);
+        let point = self.point(about, hyper, &parameters, &GramCache::default());
+        let value = |class: usize| {
+            let slabs = self.slabs(&[candidate], &[class], &position)?;
+            point.as_ref()?.log_posterior(&slabs)
+        };
+        let all = (0..self.classes(candidate)).map(|class| (value(class).unwrap_or(f64::NEG_INFINITY), class));
+        all.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NEG_INFINITY, 0))
     }
 
     /// Hyper-parameters that suit a set best about its own estimate, and the logarithm of its marginal likelihood and prior there.
