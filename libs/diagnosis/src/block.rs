@@ -35,6 +35,17 @@ impl HyperParameter {
     }
 }
 
+/// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
+/// day. What varies by much more than a third of its size has either sign, and is no property of the vehicle. What is absent does not
+/// vary, or variation could stand for any cause.
+pub(crate) const VARIATION: HyperParameter = HyperParameter {
+    name: "variation from run to run, share of size",
+    median: 0.05,
+    log_sd: 1.5,
+    bounds: [1e-4, 0.3],
+    strength_of: None,
+};
+
 /// What a discrepancy acts as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strength {

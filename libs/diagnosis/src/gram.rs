@@ -1,6 +1,5 @@
 //! Gram matrices of the whitened columns, by run and summed, and the cache of those that were computed last.
 
-use crate::block::HyperParameter;
 use crate::problem::{Linearized, Member, Problem};
 use fss_estimation::Columns;
 use fss_estimation::evidence::Gram;
@@ -8,17 +7,6 @@ use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
-
-/// Variation from run to run of the causes that are present, as a share of their size: a weak thruster is not equally weak every
-/// day. What varies by much more than a third of its size has either sign, and is no property of the vehicle. What is absent does not
-/// vary, or variation could stand for any cause.
-pub(crate) const VARIATION: HyperParameter = HyperParameter {
-    name: "variation from run to run, share of size",
-    median: 0.05,
-    log_sd: 1.5,
-    bounds: [1e-4, 0.3],
-    strength_of: None,
-};
 
 /// The data and some parameters' columns of a block side by side: those that are not 0 throughout.
 pub(crate) struct Prepared {

@@ -1,9 +1,8 @@
 //! The runs as blocks, the possible causes and uncertain values, and the columns that they give: linearize, then whiten.
 
 use crate::base::BaseBlock;
-use crate::block::{Block, HyperParameter};
+use crate::block::{Block, HyperParameter, VARIATION};
 use crate::candidates::{Candidate, Records, candidates};
-use crate::gram::VARIATION;
 use crate::joint_telemetry::{rate_variance, rates};
 use crate::joints::joint_block_with;
 pub(crate) use crate::linearized::{Kept, Linearized, Slope, difference};

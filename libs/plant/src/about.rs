@@ -1,7 +1,5 @@
 //! The description of a kind of effect: where it acts, what its index counts, its parameters.
 
-use crate::file::Plant;
-
 /// Most parameters that any effect has.
 pub const MAX_PARAMETERS: usize = 6;
 
@@ -70,15 +68,6 @@ impl Index {
             Self::Link => "link",
             Self::Joint => "joint",
             Self::Channel => "channel",
-        }
-    }
-
-    /// How many the plant has; 0 where the effect is there once.
-    pub fn count(self, plant: &Plant) -> usize {
-        match self {
-            Self::None | Self::Channel => 0,
-            Self::Thruster => plant.thrusters.len(),
-            Self::Link | Self::Joint => plant.links.len(),
         }
     }
 }

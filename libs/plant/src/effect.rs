@@ -1,12 +1,11 @@
 //! One effect with its values, as a plant file states it.
 
-use crate::file::Plant;
-use crate::kind::{About, EffectKind, MAX_PARAMETERS};
+use crate::about::{About, MAX_PARAMETERS};
 
 /// An effect with values: an `[[effect]]` table of a plant file.
 #[derive(Clone)]
 pub struct Effect {
-    kind: &'static dyn EffectKind,
+    about: &'static About,
     pub(crate) index: Option<usize>,
     pub(crate) channel: Option<String>,
     pub(crate) description: Option<String>,
@@ -25,13 +24,13 @@ pub struct EffectError {
 }
 
 impl Effect {
-    /// An effect of `kind` with its parameters' plain nominal values.
-    pub fn of(kind: &'static dyn EffectKind) -> Self {
+    /// An effect of a kind with its parameters' plain nominal values.
+    pub(crate) fn described_as(about: &'static About) -> Self {
         let mut values = [0.0; MAX_PARAMETERS];
-        for (value, parameter) in values.iter_mut().zip(kind.about().parameters) {
+        for (value, parameter) in values.iter_mut().zip(about.parameters) {
             *value = parameter.nominal.unwrap_or(0.0);
         }
-        Self { kind, index: None, channel: None, description: None, onset_s: None, values }
+        Self { about, index: None, channel: None, description: None, onset_s: None, values }
     }
 
     /// The same on one thruster, link or joint, counted from 1 as in files and reports.
@@ -72,13 +71,6 @@ impl Effect {
         self
     }
 
-    /// The same with every parameter at the value that changes nothing in `plant`.
-    #[must_use]
-    pub fn nominal(mut self, plant: &Plant) -> Self {
-        self.values = self.kind.nominal(plant, self.index.map(|i| i.saturating_sub(1)));
-        self
-    }
-
     /// Sets a parameter by name.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), EffectError> {
         let at = self.position(name).ok_or_else(|| EffectError {
@@ -109,14 +101,9 @@ impl Effect {
         self.values
     }
 
-    /// The kind.
-    pub fn kind(&self) -> &'static dyn EffectKind {
-        self.kind
-    }
-
     /// Name, sentence, place, index and parameters.
     pub fn about(&self) -> &'static About {
-        self.kind.about()
+        self.about
     }
 
     /// Name in plant files and reports.

@@ -8,6 +8,17 @@ use crate::prior::Prior;
 pub(crate) use crate::about::alone;
 pub use crate::about::{About, Index, MAX_PARAMETERS, Parameter, Place};
 
+impl Index {
+    /// How many the plant has; 0 where the effect is there once.
+    pub fn count(self, plant: &Plant) -> usize {
+        match self {
+            Self::None | Self::Channel => 0,
+            Self::Thruster => plant.thrusters.len(),
+            Self::Link | Self::Joint => plant.links.len(),
+        }
+    }
+}
+
 /// A kind of effect: one file in `src/effects`, one line in the catalogue.
 pub trait EffectKind: Sync {
     /// Name, sentence, place, index and parameters.

@@ -23,6 +23,7 @@
 //! ```
 
 mod about;
+mod acting;
 mod advance;
 mod check;
 mod contact;

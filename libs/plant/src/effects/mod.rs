@@ -119,6 +119,23 @@ impl Effect {
             .ok_or_else(|| EffectError { message: format!("there is no effect {id:?}"), help: suggestion(id) })?;
         Ok(Self::of(kind))
     }
+
+    /// An effect of a kind of the catalogue with its parameters' plain nominal values.
+    pub fn of(kind: &'static dyn EffectKind) -> Self {
+        Self::described_as(kind.about())
+    }
+
+    /// The kind.
+    pub fn kind(&self) -> &'static dyn EffectKind {
+        find(self.id()).unwrap_or(&unmodelled::Unmodelled)
+    }
+
+    /// The same with every parameter at the value that changes nothing in `plant`.
+    #[must_use]
+    pub fn nominal(self, plant: &Plant) -> Self {
+        let values = self.kind().nominal(plant, self.index().map(|i| i.saturating_sub(1)));
+        self.with(&values)
+    }
 }
 
 /// The known ids that share the most with a misspelt one.

@@ -13,7 +13,6 @@ pub use sensors::{SensorPhysics, Stream};
 
 use fss_multibody::{MAX_LINKS, Model, ModelError};
 
-use crate::effect::Effect;
 use crate::file::Plant;
 use crate::parts::Servo;
 
@@ -47,36 +46,8 @@ pub struct Physics {
 }
 
 impl Physics {
-    /// The plant with all of its effects that act at `t_s`.
-    pub fn at(plant: &Plant, t_s: f64) -> Self {
-        Self::with(plant, plant.effects.iter().filter(|e| e.is_active(t_s)))
-    }
-
-    /// The plant without any effect.
-    pub fn nominal(plant: &Plant) -> Self {
-        Self::with(plant, [])
-    }
-
-    /// The plant's nominal values with exactly these effects.
-    pub fn with<'a>(plant: &Plant, effects: impl IntoIterator<Item = &'a Effect>) -> Self {
-        let mut physics = Self::of_values(plant);
-        for effect in effects {
-            effect.kind().act(effect, &mut physics);
-        }
-        physics
-    }
-
-    /// The plant's nominal values with `effects`, between the onsets of these: each with the time from which it holds.
-    pub fn stages(plant: &Plant, effects: &[Effect]) -> Vec<(f64, Self)> {
-        let mut starts: Vec<f64> = effects.iter().filter_map(Effect::onset_s).collect();
-        starts.push(0.0);
-        starts.sort_by(f64::total_cmp);
-        starts.dedup();
-        let active = |t: f64| Self::with(plant, effects.iter().filter(move |e| e.is_active(t)));
-        starts.into_iter().map(|t| (t, active(t))).collect()
-    }
-
-    fn of_values(plant: &Plant) -> Self {
+    /// The plant's nominal values, without any effect.
+    pub(crate) fn of_values(plant: &Plant) -> Self {
         let base = &plant.base;
         let joint_count = plant.links.len();
         Self {
@@ -164,15 +135,5 @@ impl Physics {
             }
         }
         sum
-    }
-}
-
-impl Plant {
-    /// The mechanism with the effects that the plant has from the start.
-    ///
-    /// # Errors
-    /// When effects make a mass or an inertia impossible.
-    pub fn model(&self) -> Result<Model, ModelError> {
-        Physics::at(self, 0.0).model(0.0)
     }
 }
