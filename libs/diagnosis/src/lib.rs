@@ -210,7 +210,11 @@ fn answer_of(
         }
         say("asking for contacts");
         if let Some(contact) = if is_first { search::contact(searched)? } else { None } {
-            return Ok(beside(before, answer(&problem.plant_file, records, &Start::Contact(contact), say)?));
+            let answer = answer(&problem.plant_file, records, &Start::Contact(contact), say)?;
+            // Its noise alone may have been what was more probable.
+            if !answer.causes.is_empty() {
+                return Ok(beside(before, answer));
+            }
         }
         if wiring.is_some() || commands_do_nothing(&problem.plant, &concluded.causes) {
             remarks.push(NO_COMMAND_SHOWS.to_owned());
