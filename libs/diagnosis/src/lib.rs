@@ -202,13 +202,12 @@ fn answer_of(
     let before = misfits(&problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]))?;
     let mut remarks = Vec::new();
     if concluded.verdict.leaves_something() {
-        say("asking for another wiring");
         let is_first = matches!(start, Start::PlantFile);
+        say("asking for another wiring, or for contacts");
         let wiring = if is_first { search::rewired(searched)? } else { None };
         if let Some(Rewired::By(exchanges, probability)) = wiring {
             return rewired(&problem.plant_file, records, (exchanges, probability), before, say);
         }
-        say("asking for contacts");
         if let Some(contact) = if is_first { search::contact(searched)? } else { None } {
             let answer = answer(&problem.plant_file, records, &Start::Contact(contact), say)?;
             // Its noise alone may have been what was more probable.

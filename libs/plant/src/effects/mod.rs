@@ -120,7 +120,7 @@ impl Effect {
         Ok(Self::of(kind))
     }
 
-    /// An effect of a kind of the catalogue with its parameters' plain nominal values.
+    /// An effect of a kind, which has to be of the catalogue, with its parameters' plain nominal values.
     pub fn of(kind: &'static dyn EffectKind) -> Self {
         Self::described_as(kind.about())
     }
