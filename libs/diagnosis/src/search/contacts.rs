@@ -12,6 +12,7 @@ use super::space::{Found, Search};
 use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Present, Problem, Slope};
 use fss_multibody::ModelError;
+use rayon::prelude::*;
 
 /// Sizes that a contact is tried with, over the typical one.
 const SIZES: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
@@ -37,40 +38,60 @@ impl Contact {
 
 /// The contact about which the runs are more probable than about the best set of causes; `None` where there is none.
 pub(crate) fn contact(searched: &Searched) -> Result<Option<Contact>, ModelError> {
-    let problem = searched.search.problem;
-    let mut best: Option<(f64, Contact)> = None;
-    for candidate in (0..problem.candidates.len()).filter(|c| problem.candidates[*c].prior.is_contact) {
-        let (gain, contact) = gained(searched, candidate)?;
-        if gain > best.as_ref().map_or(0.0, |(most, _)| *most) {
-            best = Some((gain, contact));
-        }
-    }
-    Ok(best.map(|(_, contact)| contact))
+    let candidates = &searched.search.problem.candidates;
+    let contacts: Vec<usize> = (0..candidates.len()).filter(|c| candidates[*c].prior.is_contact).collect();
+    let tried: Vec<Tried> =
+        contacts.into_par_iter().map(|candidate| Tried::new(searched, candidate)).collect::<Result<_, _>>()?;
+    let Some(best) = tried.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Ok(None) };
+    Ok((best.gain_with_own_noise(searched)? > 0.0).then_some(best.contact))
 }
 
-/// What a contact at its likeliest size is more probable than the best set of causes, nats, in the runs that tell most of it.
-fn gained(searched: &Searched, candidate: usize) -> Result<(f64, Contact), ModelError> {
-    let of_all = searched.search.problem;
-    let (problem, uncertain) = of_all.where_seen(candidate, of_all.of_uncertain(&searched.linearized));
-    let search = Search::new(&problem);
-    let starts = [medians(&problem), searched.hyper.clone()];
-    let mut likeliest = (f64::NEG_INFINITY, present_at(&problem, candidate, SIZES[0]), 0, &starts[0]);
-    for by in SIZES {
-        let present = present_at(&problem, candidate, by);
-        let about = search.with_columns_of(std::slice::from_ref(&present), problem.of_uncertain(&uncertain))?;
-        for start in &starts {
-            let (value, class) = search.likeliest_class((&about, start), candidate);
-            if value > likeliest.0 {
-                likeliest = (value, present.clone(), class, start);
+/// A contact at its likeliest size.
+struct Tried {
+    contact: Contact,
+    /// Hyper-parameters at which it is likeliest, of those of the best set of causes and the priors' medians.
+    hyper: Vec<f64>,
+    /// By which it is more probable than the best set of causes, each at the likelier of these hyper-parameters, nats, in the run that
+    /// tells most of it.
+    gain: f64,
+}
+
+impl Tried {
+    fn new(searched: &Searched, candidate: usize) -> Result<Self, ModelError> {
+        let of_all = searched.search.problem;
+        let (problem, uncertain) = of_all.where_seen(candidate, of_all.of_uncertain(&searched.linearized));
+        let search = Search::new(&problem);
+        let starts = [medians(&problem), searched.hyper.clone()];
+        let mut likeliest = (f64::NEG_INFINITY, present_at(&problem, candidate, SIZES[0]), 0, &starts[0]);
+        for by in SIZES {
+            let present = present_at(&problem, candidate, by);
+            let about = search.with_columns_of(std::slice::from_ref(&present), problem.of_uncertain(&uncertain))?;
+            for start in &starts {
+                let (value, class) = search.likeliest_class((&about, start), candidate);
+                if value > likeliest.0 {
+                    likeliest = (value, present.clone(), class, start);
+                }
             }
         }
+        let (value, present, class, hyper) = likeliest;
+        let about = search.with_columns_of(&searched.model, uncertain)?;
+        let other = starts.iter().map(|start| search.log_posterior((&about, start), &searched.sets[0].0));
+        let gain = value - other.fold(f64::NEG_INFINITY, f64::max);
+        Ok(Self { contact: Contact { present, class }, hyper: hyper.clone(), gain })
     }
-    let (_, present, class, start) = likeliest;
-    let contact = Contact { present, class };
-    let about = |model: &[Present]| search.with_columns_of(model, problem.of_uncertain(&uncertain));
-    let (_, own) = search.optimum(&about(std::slice::from_ref(&contact.present))?, &contact.alone(), start);
-    let (_, other) = search.optimum(&about(&searched.model)?, &searched.sets[0].0, &searched.hyper);
-    Ok((own - other, contact))
+
+    /// The same, each at the hyper-parameters that suit it best.
+    fn gain_with_own_noise(&self, searched: &Searched) -> Result<f64, ModelError> {
+        let of_all = searched.search.problem;
+        let (problem, uncertain) =
+            of_all.where_seen(self.contact.candidate(), of_all.of_uncertain(&searched.linearized));
+        let search = Search::new(&problem);
+        let about = |model: &[Present]| search.with_columns_of(model, problem.of_uncertain(&uncertain));
+        let own = about(std::slice::from_ref(&self.contact.present))?;
+        let (_, own) = search.optimum(&own, &self.contact.alone(), &self.hyper);
+        let (_, other) = search.optimum(&about(&searched.model)?, &searched.sets[0].0, &searched.hyper);
+        Ok(own - other)
+    }
 }
 
 fn present_at(problem: &Problem, candidate: usize, by: f64) -> Present {

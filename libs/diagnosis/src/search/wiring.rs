@@ -16,6 +16,7 @@ use super::no_cause::medians;
 use super::searched::Searched;
 use super::sets::{SIZES, log_sum};
 use super::space::Search;
+use crate::block::HyperParameter;
 use crate::conclude::ASSERTED;
 use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Member, Problem, Slope, difference};
@@ -51,15 +52,18 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
     let nominal = problem.linearized(&[], Slope::Secant, &wanted, Kept::Nothing)?;
     let actions = Actions::new(problem, count)?;
     let without = actions.wired(&nominal, &vec![None; count]);
-    let mut silent = f64::NEG_INFINITY;
-    let mut best: (f64, Vec<usize>) = (f64::NEG_INFINITY, (0..count).collect());
-    for start in [searched.hyper.clone(), searched.points[0].hyper.clone(), medians(problem)] {
-        silent = silent.max(search.log_evidence(&without, &start).0);
-        let mut hyper = start;
+    let starts = [searched.hyper.clone(), searched.points[0].hyper.clone(), medians(problem)];
+    let silent = search.log_evidence((&without, &starts), &actions).0;
+    let as_in_plant_file: Vec<usize> = (0..count).collect();
+    let mut best = (f64::NEG_INFINITY, as_in_plant_file.clone());
+    for mut hyper in starts {
         for _ in 0..ROUNDS {
             let wiring = actions.most_likely(problem, &without, &hyper);
+            if wiring == as_in_plant_file {
+                break;
+            }
             let linearized = actions.wired(&nominal, &wiring.iter().map(|j| Some(*j)).collect::<Vec<_>>());
-            let (value, suited) = search.log_evidence(&linearized, &hyper);
+            let (value, suited) = search.log_evidence((&linearized, &[hyper]), &actions);
             if value <= best.0 {
                 break;
             }
@@ -80,12 +84,19 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
 }
 
 impl Search<'_> {
-    /// Logarithm of the marginal likelihood without causes at the hyper-parameters that suit it, with their prior, and these.
-    fn log_evidence(&self, linearized: &Linearized, start: &[f64]) -> (f64, Vec<f64>) {
-        let hyper = self.optimized(linearized, &[], &[], start, Reach::OF_MODEL, |_, _| true);
-        let point = self.point(linearized, &hyper, &self.parameters, &GramCache::default());
-        let value = point.and_then(|point| Some(point.posterior.of_set(&[])?.log_evidence + point.log_prior));
-        (value.unwrap_or(f64::NEG_INFINITY), hyper)
+    /// Logarithm of the marginal likelihood without causes at the hyper-parameters that suit it, sought from the likeliest of some,
+    /// with their prior, and these. Only those of the blocks in which thrusters act depend on the wiring.
+    fn log_evidence(&self, (linearized, starts): (&Linearized, &[Vec<f64>]), actions: &Actions) -> (f64, Vec<f64>) {
+        let (parameters, _) = self.parameters_with(&[]);
+        let value = |hyper: &[f64]| {
+            let point = self.point(linearized, hyper, &parameters, &GramCache::default());
+            point.and_then(|point| point.log_posterior(&[])).unwrap_or(f64::NEG_INFINITY)
+        };
+        let all = starts.iter().map(|start| (value(start), start));
+        let Some((_, start)) = all.max_by(|a, b| a.0.total_cmp(&b.0)) else { return (f64::NEG_INFINITY, Vec::new()) };
+        let moves = |family: usize, _: &HyperParameter| Some(family) == actions.family;
+        let hyper = self.optimized(linearized, &[], &[], start, Reach::OF_MODEL, moves);
+        (value(&hyper), hyper)
     }
 }
 
@@ -96,19 +107,21 @@ type Column = Vec<f64>;
 struct Actions {
     /// Columns b_ij of each block of the base, by command and then thruster; none of other blocks.
     columns: Vec<Vec<Column>>,
+    /// The family of those blocks.
+    family: Option<usize>,
     count: usize,
 }
 
 impl Actions {
     fn new(problem: &Problem, count: usize) -> Result<Self, ModelError> {
-        let first = problem.members.iter().map(|m| m.family).min();
+        let family = problem.members.iter().map(|m| m.family).min();
         let stuck = |j: usize| Effect::new("thruster_gain").ok().map(|e| e.at(j + 1).with(&[0.0]));
         let all_but = |only: Option<usize>| -> Vec<Effect> {
             let silenced = (0..count).filter(|j| Some(*j) != only).filter_map(stuck);
             problem.plant.effects.iter().cloned().chain(silenced).collect()
         };
         let of_member = |member: &Member| -> Result<Vec<Column>, ModelError> {
-            if Some(member.family) != first {
+            if Some(member.family) != family {
                 return Ok(Vec::new());
             }
             let silent = member.block.predict(&problem.plant, &all_but(None))?;
@@ -119,7 +132,8 @@ impl Actions {
             };
             (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).map(action).collect()
         };
-        Ok(Self { columns: problem.members.par_iter().map(of_member).collect::<Result<_, _>>()?, count })
+        let columns = problem.members.par_iter().map(of_member).collect::<Result<_, _>>()?;
+        Ok(Self { columns, family, count })
     }
 
     /// The data less what each command does through its thruster, instead of through that which the plant file says.
