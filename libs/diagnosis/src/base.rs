@@ -16,6 +16,7 @@
 mod arrivals;
 mod hyper;
 mod joint_motion;
+mod laws;
 mod missing;
 mod noise_model;
 mod prediction;

@@ -7,7 +7,8 @@
 //! - [`joints`]: the joints and the end-effector as a block.
 //! - `servo_response`: what servos make of the datagrams that command them; `memo`: what is computed once for plants that are alike.
 //! - `examine`, `startup_transient`: what of the records is no measurement; `tuning`: how servos are tuned.
-//! - `problem`: all runs as blocks, all possible causes as columns; `screening`: which are worth searching with.
+//! - `problem`: all runs as blocks, all possible causes; `linearized`, `columns`: what each does in the small; `screening`: which are
+//!   worth searching with.
 //! - `gram`: products of the whitened columns.
 //! - `search`: marginal likelihoods of sets of causes, and of wirings of the thrusters.
 //! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
@@ -19,6 +20,7 @@ mod alike;
 pub mod base;
 pub mod block;
 mod candidates;
+mod columns;
 mod conclude;
 pub mod diagnosis;
 mod draw;

@@ -50,6 +50,8 @@ pub(crate) struct PosePath {
     pub(crate) grid: TimeGrid,
     pub(crate) pose: Vec<[f64; 3]>,
     pub(crate) velocity: Vec<[f64; 3]>,
+    /// Standard deviations of each axis' pose and velocity.
+    pub(crate) sd: Vec<[[f64; 2]; 3]>,
 }
 
 impl PosePath {
@@ -57,19 +59,22 @@ impl PosePath {
     pub(crate) fn smoothed(t_s: &[f64], values: &[[f64; 3]], sd: [f64; 3], grid: TimeGrid) -> Self {
         let edges = grid.edges_s();
         let middle: [f64; 3] = std::array::from_fn(|i| values.iter().map(|v| v[i]).sum::<f64>() / values.len() as f64);
-        let axes: [Nodes; 3] = std::array::from_fn(|i| {
+        let axes: [(Nodes, Nodes); 3] = std::array::from_fn(|i| {
             let row = |(t, v): (&f64, &[f64; 3])| Reading {
                 t_s: *t,
                 angle: Some((v[i] - middle[i], sd[i] * sd[i])),
                 rate: None,
             };
             let rows: Vec<Reading> = t_s.iter().zip(values).map(row).collect();
-            Smoother::new(&rows, likeliest_jerk(&rows), &edges).path(&rows)
+            let smoother = Smoother::new(&rows, likeliest_jerk(&rows), &edges);
+            (smoother.path(&rows), smoother.variances())
         });
         let at = |derivative: usize, offset: [f64; 3]| {
-            (0..edges.len()).map(|k| std::array::from_fn(|i| axes[i][k][derivative] + offset[i])).collect()
+            (0..edges.len()).map(|k| std::array::from_fn(|i| axes[i].0[k][derivative] + offset[i])).collect()
         };
-        Self { grid, pose: at(0, middle), velocity: at(1, [0.0; 3]) }
+        let sd = |k: usize| std::array::from_fn(|i| [0, 1].map(|derivative| axes[i].1[k][derivative].sqrt()));
+        let sd = (0..edges.len()).map(sd).collect();
+        Self { grid, pose: at(0, middle), velocity: at(1, [0.0; 3]), sd }
     }
 
     /// Pose and velocity at a time; beyond the ends the motion goes on evenly.

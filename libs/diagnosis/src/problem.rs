@@ -30,20 +30,13 @@ pub(crate) struct Present {
     pub(crate) coordinates: Vec<f64>,
 }
 
-/// Share of its typical size above which a coordinate's secant through zero is taken, not a probe.
-const SECANT_ABOVE: f64 = 0.05;
-/// Step of a tangent over the probe's size.
-const TANGENT_STEP: f64 = 0.4;
-/// The same of a spring's coordinate over its size: a swing's frequency stays almost what it is.
-const SPRING_STEP: f64 = 0.05;
-
 /// Everything that is linear: runs, causes, uncertain values.
 #[derive(Clone)]
 pub(crate) struct Problem {
     pub(crate) plant_file: Plant,
     /// The plant of the plant file, its servos tuned as the runs show.
     pub(crate) plant: Plant,
-    tuning: Tuning,
+    pub(crate) tuning: Tuning,
     pub(crate) members: Vec<Member>,
     pub(crate) runs: usize,
     pub(crate) candidates: Vec<Candidate>,
@@ -254,135 +247,6 @@ impl Problem {
         let news: Vec<Effect> = model.iter().flat_map(|p| self.candidates[p.candidate].at(&p.coordinates)).collect();
         let replaced = |e: &Effect| news.iter().any(|n| is_same(n, e));
         self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
-    }
-
-    /// Linearizes every block about a model. Candidates that are not `wanted` in a block keep the columns that they had, or get
-    /// none.
-    pub(crate) fn linearized(
-        &self,
-        model: &[Present],
-        slope: Slope,
-        wanted: &(dyn Fn(usize, &Member) -> bool + Sync),
-        kept: Kept,
-    ) -> Result<Linearized, ModelError> {
-        let keeps_uncertain = matches!(kept, Kept::All(_));
-        let before = match kept {
-            Kept::Nothing => vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()],
-            Kept::Causes(before) | Kept::All(before) => before.columns,
-        };
-        let columns = self.members.par_iter().zip(before);
-        let columns = columns.map(|(m, before)| {
-            let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m)).collect();
-            self.columns(m.block.as_ref(), (model, slope), (&wanted, !keeps_uncertain), before)
-        });
-        let mut size = vec![0.0; self.parameters()];
-        let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
-        for present in model.iter().filter(continuous) {
-            let own = self.parameters_of(present.candidate).zip(&present.coordinates);
-            own.for_each(|(p, value)| size[p] = value.abs());
-        }
-        Ok(Linearized { columns: columns.collect::<Result<_, _>>()?, size })
-    }
-
-    fn columns(
-        &self,
-        block: &dyn Block,
-        (model, slope): (&[Present], Slope),
-        (wanted, wants_uncertain): (&[bool], bool),
-        mut columns: Vec<Vec<f64>>,
-    ) -> Result<Vec<Vec<f64>>, ModelError> {
-        block.forget();
-        let plant = &self.plant;
-        let base = block.predict(plant, &self.effects(model))?;
-        let mut data: Vec<f64> = block.measured().iter().zip(&base).map(|(y, p)| y - p).collect();
-        for candidate in 0..self.candidates.len() {
-            if !wanted[candidate] {
-                continue;
-            }
-            let present = model.iter().find(|p| p.candidate == candidate);
-            let own = self.candidate_columns(block, (plant, model), slope, candidate, &base)?;
-            for (i, column) in own.into_iter().enumerate() {
-                let theta = present.map_or(0.0, |p| p.coordinates[i]);
-                if theta != 0.0 {
-                    data.iter_mut().zip(&column).for_each(|(d, c)| *d += theta * c);
-                }
-                columns[1 + self.first[candidate] + i] = column;
-            }
-        }
-        let effects = self.effects(model);
-        for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
-            if wants_uncertain {
-                columns[1 + at] = difference(&block.predict(&value.moved(plant, 1.0), &effects)?, &base, 1.0);
-            }
-            let now = self.tuning.by(i);
-            if now != 0.0 {
-                data.iter_mut().zip(&columns[1 + at]).for_each(|(d, c)| *d += now * c);
-            }
-        }
-        columns[0] = data;
-        Ok(columns)
-    }
-
-    /// A column for each coordinate of a candidate: secants through zero where the model has it, probes where not.
-    fn candidate_columns(
-        &self,
-        block: &dyn Block,
-        (plant, model): (&Plant, &[Present]),
-        slope: Slope,
-        candidate: usize,
-        base: &[f64],
-    ) -> Result<Vec<Vec<f64>>, ModelError> {
-        let own = &self.candidates[candidate];
-        let zero = vec![0.0; own.size];
-        let now = model.iter().find(|p| p.candidate == candidate).map_or(&zero, |p| &p.coordinates);
-        // The same effect with another shape makes way.
-        let makes_way = |p: &Present| {
-            let other = &self.candidates[p.candidate];
-            let is_discrete = own.prior.response == Response::Discrete;
-            p.candidate != candidate && !is_discrete && is_same(&other.nominal, &own.nominal)
-        };
-        let others: Vec<Present> =
-            model.iter().filter(|p| p.candidate != candidate && !makes_way(p)).cloned().collect();
-        let predict = |coordinates: &[f64]| {
-            let mut other = others.clone();
-            other.push(Present { candidate, coordinates: coordinates.to_vec() });
-            block.predict(plant, &self.effects(&other))
-        };
-        let without = if model.iter().any(makes_way) { Some(predict(&zero)?) } else { None };
-        let base = without.as_deref().unwrap_or(base);
-        let moved = |from: &[f64], i: usize, to: f64| {
-            let mut coordinates = from.to_vec();
-            coordinates[i] = to;
-            coordinates
-        };
-        if own.prior.response == Response::Discrete {
-            let there = predict(&[1.0])?;
-            let absent = if now[0] == 0.0 { None } else { Some(predict(&zero)?) };
-            return Ok(vec![
-                absent.map_or_else(|| difference(&there, base, 1.0), |absent| difference(base, &absent, 1.0)),
-            ]);
-        }
-        if slope == Slope::Tangent && own.prior.response != Response::Strength {
-            let is_spring = own.prior.response == Response::Inverse;
-            let step = |i: usize| if is_spring { SPRING_STEP * now[i] } else { TANGENT_STEP * own.probe(i) };
-            let tangent = |i: usize| Ok(difference(&predict(&moved(now, i, now[i] + step(i)))?, base, step(i)));
-            return (0..own.size).map(tangent).collect();
-        }
-        let is_strength = own.prior.response == Response::Strength && !own.is_law;
-        let strength = if now[0] == 0.0 { own.probe(0) } else { now[0] };
-        let mut columns = Vec::with_capacity(own.size);
-        // Of a strength with places: the strength alone, at the places 0.
-        let alone = if is_strength { Some(predict(&moved(&zero, 0, strength))?) } else { None };
-        for i in 0..own.size {
-            let significant = now[i].abs() > SECANT_ABOVE * own.prior.typical[i];
-            columns.push(match &alone {
-                Some(alone) if i == 0 => difference(alone, &predict(&zero)?, strength),
-                _ if significant => difference(base, &predict(&moved(now, i, 0.0))?, now[i]),
-                Some(alone) => difference(&predict(&moved(&moved(&zero, 0, strength), i, strength))?, alone, strength),
-                None => difference(&predict(&moved(now, i, now[i] + own.probe(i)))?, base, own.probe(i)),
-            });
-        }
-        Ok(columns)
     }
 }
 

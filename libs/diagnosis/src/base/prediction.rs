@@ -1,7 +1,8 @@
 //! The motion of the base that forces along the measured path give.
 
+use super::laws::{Cell, Laws};
 use crate::memo::{Memo, are_geared_alike};
-use crate::path::{EncoderPath, PosePath};
+use crate::path::{EncoderPath, PosePath, TimeGrid};
 use fss_multibody::{Coordinates, JointVector, MAX_DOF, Model, ModelError, State};
 use fss_plant::{BaseMotion, Effect, Grid, JointSample, Physics, Plant, Rollout, ValveHistory};
 use std::sync::Arc;
@@ -16,7 +17,7 @@ pub(super) struct Carriage {
     /// Angular momentum of the joint rates about it (kg m^2/s).
     pub(super) joint_momentum: Vec<f64>,
     /// Its mean over each cell: of what the joints turn by within it, for a servo's rate jumps there.
-    mean_joint_momentum: Vec<f64>,
+    pub(super) mean_joint_momentum: Vec<f64>,
     pub(super) samples: Vec<JointSample>,
 }
 
@@ -39,7 +40,7 @@ pub(super) struct Predictor {
 #[derive(Clone)]
 pub(super) struct Motion {
     pub(super) physics: Physics,
-    pub(super) grid: crate::path::TimeGrid,
+    pub(super) grid: TimeGrid,
     /// Predicted pose of the base.
     pub(super) pose: Vec<[f64; 3]>,
     pub(super) rate: Vec<f64>,
@@ -148,7 +149,8 @@ impl Predictor {
         let carriage = self.carriage(&physics)?;
         let thrust = self.thrust(plant, effects, &physics, &carriage)?;
         let grid = self.pose.grid;
-        let (pose, rate) = integrate(&physics, grid, &path, &carriage, &thrust);
+        let laws = Laws::new(&physics, &carriage, &self.pose, &path);
+        let (pose, rate) = integrate(&physics, grid, (&path, &carriage, &thrust), laws);
         let [mx, my] = physics.sensors.marker_offset_m;
         let marker = |p: &[f64; 3]| rotated(p[2].sin_cos(), [mx, my]);
         Ok(Motion { marker_m: path.pose.iter().map(marker).collect(), physics, grid, pose, rate })
@@ -168,10 +170,9 @@ fn mean_momentum(model: &Model, angle: &[JointVector], step_s: f64) -> Vec<f64> 
 /// Momentum from forces, pose and rate from momentum.
 fn integrate(
     physics: &Physics,
-    grid: crate::path::TimeGrid,
-    path: &Path,
-    carriage: &Carriage,
-    thrust: &[[f64; 3]],
+    grid: TimeGrid,
+    (path, carriage, thrust): (&Path, &Carriage, &[[f64; 3]]),
+    mut laws: Laws,
 ) -> (Vec<[f64; 3]>, Vec<f64>) {
     let dt = grid.step_s;
     let com: Vec<[f64; 2]> = path.pose.iter().zip(&carriage.com_m).map(|(p, c)| rotated(p[2].sin_cos(), *c)).collect();
@@ -194,7 +195,9 @@ fn integrate(
         let [fx, fy] = rotated(pose[2].sin_cos(), [thrust[k][0], thrust[k][1]]);
         let mut wrench = [fx, fy, thrust[k][2]];
         if !physics.base_laws.is_empty() {
-            let law = physics.base_wrench(&BaseMotion { t_s: grid.edge_s(k) + 0.5 * dt, pose, velocity });
+            let motion = BaseMotion { t_s: grid.edge_s(k) + 0.5 * dt, pose, velocity };
+            let inertia_kg_m2 = middle(inertia[k], inertia[k + 1]);
+            let law = laws.wrench(k, &Cell { motion, wrench, com_m: arm, inertia_kg_m2 });
             wrench.iter_mut().zip(law).for_each(|(w, l)| *w += l);
         }
         let torque = wrench[2] - (arm[0] * wrench[1] - arm[1] * wrench[0]);

@@ -30,11 +30,11 @@ impl EffectKind for BaseCoulombDrag {
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let _ = index;
         let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
-        Prior::sized(&[1.5e-3 * mass, 5e-3 * inertia], &[1e-6 * mass, 1e-6 * inertia])
+        Prior::sized(&[1.5e-3 * mass, 5e-3 * inertia], &[1e-6 * mass, 1e-6 * inertia]).of_contact()
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw { law, values: effect.padded() });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded(), hangs_on_velocity: true });
     }
 }
 

@@ -37,27 +37,23 @@ const ABOUT: About = About {
     ],
 };
 
+type Law = fn(&[f64; MAX_PARAMETERS], &BaseMotion) -> [f64; 3];
+
 impl EffectKind for Unmodelled {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
+        let values = effect.padded();
+        let base = |law: Law, hangs_on_velocity| BaseLaw { law, values, hangs_on_velocity };
         match effect.channel() {
-            Some("base_force") => physics.base_laws.push(BaseLaw { law: force, values: effect.padded() }),
-            Some("base_torque") => physics.base_laws.push(BaseLaw { law: torque, values: effect.padded() }),
-            Some("base_force_by_place") => {
-                physics.base_laws.push(BaseLaw { law: force_by_place, values: effect.padded() });
-            }
-            Some("base_force_by_velocity") => {
-                physics.base_laws.push(BaseLaw { law: force_by_velocity, values: effect.padded() });
-            }
-            Some("base_torque_by_rate") => {
-                physics.base_laws.push(BaseLaw { law: torque_by_rate, values: effect.padded() });
-            }
-            Some("base_torque_by_heading") => {
-                physics.base_laws.push(BaseLaw { law: torque_by_heading, values: effect.padded() });
-            }
+            Some("base_force") => physics.base_laws.push(base(force, false)),
+            Some("base_torque") => physics.base_laws.push(base(torque, false)),
+            Some("base_force_by_place") => physics.base_laws.push(base(force_by_place, false)),
+            Some("base_force_by_velocity") => physics.base_laws.push(base(force_by_velocity, true)),
+            Some("base_torque_by_rate") => physics.base_laws.push(base(torque_by_rate, true)),
+            Some("base_torque_by_heading") => physics.base_laws.push(base(torque_by_heading, false)),
             Some(channel) => {
                 let Some(of_joint) = channel.strip_prefix("joint_torque_") else { return };
                 let (joint, by) = of_joint.split_once("_by_").unwrap_or((of_joint, "time"));

@@ -20,6 +20,8 @@ pub struct BaseLaw {
     pub law: fn(&[f64; MAX_PARAMETERS], &BaseMotion) -> [f64; 3],
     /// The effect's parameters.
     pub values: [f64; MAX_PARAMETERS],
+    /// Whether it depends on the velocity.
+    pub hangs_on_velocity: bool,
 }
 
 impl PartialEq for BaseLaw {
