@@ -26,6 +26,17 @@ fn its_air_drag_is_named() {
 }
 
 #[test]
+fn friction_that_holds_the_base_after_each_pulse_is_named_alone_and_measured() {
+    let rubs = [0.08, 0.004];
+    let found = diagnose(&plant(), &flights(Truth { rubs, ..Truth::default() }), &[], &|_| ()).unwrap();
+    let named: Vec<&str> = found.causes.iter().map(|c| c.effect.id()).collect();
+    assert_eq!(named, ["base_coulomb_drag"], "{:?}", found.verdict);
+    for (value, truth) in found.causes[0].effect.values().iter().zip(rubs) {
+        assert!((value / truth - 1.0).abs() < 0.03, "{value} for {truth}");
+    }
+}
+
+#[test]
 fn a_supply_that_loses_half_its_pressure_is_named_and_measured() {
     let runs = flights(Truth { pressure_per_s: -0.016, ..Truth::default() });
     let found = diagnose(&plant(), &runs[..2], &runs[2..], &|_| {}).unwrap();

@@ -1,7 +1,7 @@
 //! Forces on the base that hang on its velocity, such as friction.
 //!
 //! They act at the velocity u that all forces leave, not at the measured one: where friction holds the base, the sign of the measured
-//! velocity is that of its noise. Each cell is an implicit Euler step of length h,
+//! velocity is that of its noise. From the middle of one cell to that of the next it is an implicit Euler step of length h,
 //!
 //! ```text
 //! u = u_free + h A law(u),   A = [1/M + s s'/I, s/I; s'/I, 1/I]
@@ -40,14 +40,17 @@ pub(super) struct Laws<'a> {
     physics: &'a Physics,
     carriage: &'a Carriage,
     measured: &'a PosePath,
-    /// Velocity of the centre of mass (m/s, m/s) and angular momentum (kg m^2/s); `None` where no law hangs on the velocity.
+    /// Velocity of the centre of mass (m/s, m/s) and angular momentum (kg m^2/s) in the middle of the cell before; `None` where no law
+    /// hangs on the velocity.
     momentum: Option<Vector3<f64>>,
+    /// What other forces than laws change of it there per second.
+    rate: Vector3<f64>,
 }
 
 impl<'a> Laws<'a> {
     /// Of a base that sets out as its measured path does where that is told from rest.
     pub(super) fn new(physics: &'a Physics, carriage: &'a Carriage, measured: &'a PosePath, path: &Path) -> Self {
-        let mut laws = Self { physics, carriage, measured, momentum: None };
+        let mut laws = Self { physics, carriage, measured, momentum: None, rate: Vector3::zeros() };
         if physics.base_laws.iter().any(|law| law.hangs_on_velocity) {
             let start = laws.drawn(Vector3::zeros(), &path.velocity[0], 0, f64::INFINITY);
             let com_m = rotated(path.pose[0][2].sin_cos(), carriage.com_m[0]);
@@ -66,7 +69,8 @@ impl<'a> Laws<'a> {
         let joints = self.carriage.mean_joint_momentum[k];
         let [fx, fy, torque] = cell.wrench;
         let [gx, gy] = self.physics.gravity_m_s2;
-        let free = before + dt * Vector3::new(fx / mass + gx, fy / mass + gy, torque - (cx * fy - cy * fx));
+        let now = Vector3::new(fx / mass + gx, fy / mass + gy, torque - (cx * fy - cy * fx));
+        let free = before + 0.5 * dt * (std::mem::replace(&mut self.rate, now) + now);
         let rate = (free.z - joints) / inertia;
         let free = Vector3::new(free.x + rate * cy - drift[0], free.y - rate * cx - drift[1], rate);
         let free = self.drawn(free, &cell.motion.velocity, k, dt);

@@ -1,4 +1,4 @@
-//! Contacts, such as a link in play that strikes its flanks.
+//! Contacts, such as a link in play that strikes its flanks, or a base that friction holds.
 //!
 //! A contact does nothing like its column about the model without it, and what it does cannot be foretold to the sensors' noise. So where
 //! a discrepancy remains, each is compared about itself with the best set of causes: marginal likelihoods of the same data, each with

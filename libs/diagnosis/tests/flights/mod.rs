@@ -30,7 +30,12 @@ pub(crate) struct Truth {
     pub(crate) pressure_per_s: f64,
     /// Share of its thrust that the first thruster lacks.
     pub(crate) lacks: f64,
+    /// Dry friction: a force (N) and a torque (N m).
+    pub(crate) rubs: [f64; 2],
 }
+
+/// Speed below which friction is less than its full size (m/s, rad/s).
+const CREEP: f64 = 2e-4;
 
 /// Flies for 30 s with random pulses; integrated here by the midpoint rule at 1 ms, so that nothing is found by symmetry.
 fn flight(name: &str, truth: Truth, seed: u64) -> Run {
@@ -58,6 +63,9 @@ fn flight(name: &str, truth: Truth, seed: u64) -> Run {
         }
         force[0] += truth.waves_n * (8.0 * s[0]).sin() - truth.drag_n_s_m * s[3];
         force[1] -= truth.drag_n_s_m * s[4];
+        let against = |size: f64, along: f64, speed: f64| size * along / speed.hypot(CREEP);
+        (0..2).for_each(|i| force[i] -= against(truth.rubs[0], s[3 + i], s[3].hypot(s[4])));
+        torque -= against(truth.rubs[1], s[5], s[5]);
         [s[3], s[4], s[5], force[0] / MASS_KG, force[1] / MASS_KG, torque / INERTIA_KG_M2]
     };
     let dt = 1e-3;
