@@ -13,7 +13,6 @@ const SECANT_ABOVE: f64 = 0.05;
 const TANGENT_STEP: f64 = 0.4;
 /// The same of a spring's coordinate over its size: a swing's frequency stays almost what it is.
 const SPRING_STEP: f64 = 0.05;
-
 /// Step of a contact's slope to either side, over its size.
 const NEAR_STEP: f64 = 0.05;
 

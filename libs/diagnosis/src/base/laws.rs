@@ -1,4 +1,4 @@
-//! Forces on the base that hang on its velocity, such as friction.
+//! Forces on the base that depend on its velocity, such as friction.
 //!
 //! They act at the velocity u that all forces leave, not at the measured one: where friction holds the base, the sign of the measured
 //! velocity is that of its noise. From the middle of one cell to that of the next it is an implicit Euler step of length h,
@@ -41,7 +41,7 @@ pub(super) struct Laws<'a> {
     carriage: &'a Carriage,
     measured: &'a PosePath,
     /// Velocity of the centre of mass (m/s, m/s) and angular momentum (kg m^2/s) in the middle of the cell before; `None` where no law
-    /// hangs on the velocity.
+    /// depends on the velocity.
     momentum: Option<Vector3<f64>>,
     /// What other forces than laws change of it there per second.
     rate: Vector3<f64>,
@@ -51,7 +51,7 @@ impl<'a> Laws<'a> {
     /// Of a base that sets out as its measured path does where that is told from rest.
     pub(super) fn new(physics: &'a Physics, carriage: &'a Carriage, measured: &'a PosePath, path: &Path) -> Self {
         let mut laws = Self { physics, carriage, measured, momentum: None, rate: Vector3::zeros() };
-        if physics.base_laws.iter().any(|law| law.hangs_on_velocity) {
+        if physics.base_laws.iter().any(|law| law.depends_on_velocity) {
             let start = laws.drawn(Vector3::zeros(), &path.velocity[0], 0, f64::INFINITY);
             let com_m = rotated(path.pose[0][2].sin_cos(), carriage.com_m[0]);
             let drift = laws.drift(0, path.pose[0][2]);

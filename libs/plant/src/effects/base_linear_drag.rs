@@ -28,7 +28,7 @@ impl EffectKind for BaseLinearDrag {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw { law, values: effect.padded(), hangs_on_velocity: true });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded(), depends_on_velocity: true });
     }
 }
 

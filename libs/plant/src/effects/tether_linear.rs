@@ -32,7 +32,7 @@ impl EffectKind for TetherLinear {
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
-        physics.base_laws.push(BaseLaw { law, values: effect.padded(), hangs_on_velocity: false });
+        physics.base_laws.push(BaseLaw { law, values: effect.padded(), depends_on_velocity: false });
     }
 }
 

@@ -46,7 +46,7 @@ impl EffectKind for Unmodelled {
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
         let values = effect.padded();
-        let base = |law: Law, hangs_on_velocity| BaseLaw { law, values, hangs_on_velocity };
+        let base = |law: Law, depends_on_velocity| BaseLaw { law, values, depends_on_velocity };
         match effect.channel() {
             Some("base_force") => physics.base_laws.push(base(force, false)),
             Some("base_torque") => physics.base_laws.push(base(torque, false)),

@@ -21,7 +21,7 @@ pub struct BaseLaw {
     /// The effect's parameters.
     pub values: [f64; MAX_PARAMETERS],
     /// Whether it depends on the velocity.
-    pub hangs_on_velocity: bool,
+    pub depends_on_velocity: bool,
 }
 
 impl PartialEq for BaseLaw {
