@@ -14,6 +14,7 @@
 //! of its momentum and centre of mass.
 
 mod arrivals;
+mod carriage;
 mod hyper;
 mod joint_motion;
 mod laws;
@@ -27,6 +28,7 @@ use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use crate::servo_response::{self, Answers, ClosedLoop, Elasticity, Nodes, Swing, datagrams, elasticity};
+use carriage::joints_only;
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
@@ -34,7 +36,7 @@ use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
-use prediction::{Predictor, joints_only};
+use prediction::Predictor;
 use samples::Samples;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,6 +1,6 @@
 //! What a small motion of the joints beside their path does to the base.
 
-use super::prediction::{Carriage, Path, joints_only, rotated};
+use super::carriage::{Carriage, Path, joints_only, rotated};
 use super::samples::Samples;
 use crate::path::TimeGrid;
 use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};

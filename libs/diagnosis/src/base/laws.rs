@@ -12,7 +12,7 @@
 //! drawn to the measured velocity as far as that is told from it. Within its noise the draw is slow against what friction does, so that
 //! what rests stays at rest; far beyond, it takes the time over which a measured velocity is a mean.
 
-use super::prediction::{Carriage, Path, rotated};
+use super::carriage::{Carriage, Path, rotated};
 use crate::path::PosePath;
 use fss_plant::{BaseMotion, Physics};
 use nalgebra::{Matrix3, Vector3};

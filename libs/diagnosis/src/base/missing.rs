@@ -3,7 +3,8 @@
 //! Along a measured path the prediction is linear in forces: what a pulse does not push changes the motion by its own integrals.
 //! The thrust is computed anew only in the cells that the pulse reaches.
 
-use super::prediction::{Carriage, Motion, Path, Predictor, rotated};
+use super::carriage::{Carriage, Path, rotated};
+use super::prediction::{Motion, Predictor};
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Grid, JointSample, Physics, Plant, Pulse, Rollout, Stream, ThrusterPhysics};
 use std::ops::Range;

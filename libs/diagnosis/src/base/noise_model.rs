@@ -1,9 +1,10 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
 use super::arrivals::Arrivals;
+use super::carriage::joints_only;
 use super::hyper::{Hyper, hyper_parameters};
 use super::joint_motion::JointMotion;
-use super::prediction::{Predictor, joints_only};
+use super::prediction::Predictor;
 use super::samples::Samples;
 use super::thrust_errors::ThrustErrors;
 use crate::block::HyperParameter;

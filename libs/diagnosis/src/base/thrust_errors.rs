@@ -3,7 +3,8 @@
 //! No thruster repeats itself: pressure, a valve's play and a propeller's speed differ from pulse to pulse. Each thruster's force is
 //! F (1 + s e) with its own Ornstein-Uhlenbeck process e of unit variance; where nothing thrusts, nothing is off.
 
-use super::prediction::{Carriage, Path, Predictor, rotated};
+use super::carriage::{Carriage, Path, rotated};
+use super::prediction::Predictor;
 use fss_multibody::ModelError;
 use fss_plant::{Grid, Physics, Plant, Rollout};
 
