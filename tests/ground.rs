@@ -134,6 +134,39 @@ fn layouts_name_what_there_is(channels: &BTreeMap<String, Value>) {
     assert!(named > 40, "{named}");
 }
 
+/// In a browser of this computer.
+fn a_page_from_elsewhere_is_refused(address: SocketAddr) {
+    let page = "GET / HTTP/1.1\r\nUpgrade: websocket\r\nOrigin: https://evil.example\r\n\r\n";
+    let mut browser = TcpStream::connect(address).unwrap();
+    browser.write_all(page.as_bytes()).unwrap();
+    let mut answer = [0; 12];
+    browser.read_exact(&mut answer).unwrap();
+    assert_eq!(&answer, b"HTTP/1.1 403");
+}
+
+fn a_dashboard_reads_metrics(address: SocketAddr) {
+    let mut dashboard = TcpStream::connect(address).unwrap();
+    dashboard.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    dashboard.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/plain"), "{answer}");
+    assert!(answer.contains("fss_cycles_total{service=\"fusion\"} "), "{answer}");
+}
+
+fn are_logged_without_a_gap(seen: &[Vec<u8>], definition: &str, logged: &[NavState]) {
+    let mut sequences = Vec::new();
+    for message in seen {
+        let fields = decode(definition, message);
+        let sequence = fields["sequence"][0];
+        let at = logged.partition_point(|sample| (sample.sequence as f64) < sequence);
+        let sample = logged.get(at).expect("the log has it too");
+        assert_eq!(&message[4..], sample.as_bytes(), "sample {sequence}");
+        assert_eq!((fields["x_m"][0], fields["std"][6]), (sample.x_m, sample.std[6]));
+        sequences.push(sequence);
+    }
+    assert!(sequences.is_sorted_by(|a, b| a + 1.0 == *b), "a viewer that keeps up misses none");
+}
+
 #[test]
 fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobody() {
     let address = free_address();
@@ -156,20 +189,8 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
         [format!("0100007F:{:04X}", address.port())],
         "the launch file's address and no other"
     );
-    // A page from elsewhere, in a browser of this computer.
-    let page = "GET / HTTP/1.1\r\nUpgrade: websocket\r\nOrigin: https://evil.example\r\n\r\n";
-    let mut browser = TcpStream::connect(address).unwrap();
-    browser.write_all(page.as_bytes()).unwrap();
-    let mut answer = [0; 12];
-    browser.read_exact(&mut answer).unwrap();
-    assert_eq!(&answer, b"HTTP/1.1 403");
-    // A dashboard.
-    let mut dashboard = TcpStream::connect(address).unwrap();
-    dashboard.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    dashboard.read_to_string(&mut answer).unwrap();
-    assert!(answer.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/plain"), "{answer}");
-    assert!(answer.contains("fss_cycles_total{service=\"fusion\"} "), "{answer}");
+    a_page_from_elsewhere_is_refused(address);
+    a_dashboard_reads_metrics(address);
 
     // It only watches: nothing can be set, and no command is offered.
     viewer.say(&set(&[("base_bandwidth_rad_s", 0.6)]));
@@ -195,17 +216,7 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
     let (log, outcome) = flight.land();
     assert_eq!(outcome, "done");
     let logged = log.samples::<NavState>("/nav/state").unwrap();
-    let mut sequences = Vec::new();
-    for message in &seen {
-        let fields = decode(&definition, message);
-        let sequence = fields["sequence"][0];
-        let at = logged.partition_point(|sample| (sample.sequence as f64) < sequence);
-        let sample = logged.get(at).expect("the log has it too");
-        assert_eq!(&message[4..], sample.as_bytes(), "sample {sequence}");
-        assert_eq!((fields["x_m"][0], fields["std"][6]), (sample.x_m, sample.std[6]));
-        sequences.push(sequence);
-    }
-    assert!(sequences.is_sorted_by(|a, b| a + 1.0 == *b), "a viewer that keeps up misses none");
+    are_logged_without_a_gap(&seen, &definition, &logged);
     let mut lost = 0;
     for health in log.samples::<Health>("/health").unwrap() {
         if text_of(&health.service) == "ground" {

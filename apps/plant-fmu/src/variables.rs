@@ -82,9 +82,9 @@ const POSE: [(&str, &str, &str); 6] = [
 
 /// The variables of a plant.
 pub fn variables(plant: &Plant) -> Vec<Variable> {
-    use Causality::{Independent, Input, Output, Parameter};
+    use Causality::{Independent, Input, Parameter};
     let mut all = Vec::new();
-    let mut add = |name: String, causality, meaning, unit, start, about: &str| {
+    let mut add = |name, causality, meaning, unit, start, about: &str| {
         all.push(Variable { name, causality, meaning, unit, start, about: about.to_owned() });
     };
     add("seed".to_owned(), Parameter, Meaning::Seed, "", 1.0, "of the table's disturbances, a whole number");
@@ -122,6 +122,17 @@ pub fn variables(plant: &Plant) -> Vec<Variable> {
         );
         add(format!("joint_{joint}.q_rad"), Input, Meaning::Angle(i), "rad", 0.0, &of("angle in mode 3"));
     }
+    outputs(plant, &mut add);
+    add("time".to_owned(), Independent, Meaning::Time, "s", 0.0, "time since the start");
+    all
+}
+
+/// Takes a variable: name, causality, meaning, unit, start value and what it is.
+type Add<'a> = dyn FnMut(String, Causality, Meaning, &'static str, f64, &str) + 'a;
+
+fn outputs(plant: &Plant, add: &mut Add) {
+    use Causality::Output;
+    let links = plant.link_count();
     type OfBody = fn(usize) -> Meaning;
     let bodies: [(&str, OfBody); 3] =
         [("base", Meaning::Base), ("end_effector", Meaning::EndEffector), ("target", Meaning::Target)];
@@ -144,6 +155,4 @@ pub fn variables(plant: &Plant) -> Vec<Variable> {
         add(format!("link_{link}.torque_nm"), Output, Meaning::Torque(i), "N.m", 0.0, &of("torque at the sensor"));
     }
     add("gas_used_kg".to_owned(), Output, Meaning::Gas, "kg", 0.0, "gas used since the start");
-    add("time".to_owned(), Independent, Meaning::Time, "s", 0.0, "time since the start");
-    all
 }

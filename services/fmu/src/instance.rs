@@ -65,6 +65,75 @@ pub struct Instance {
     library: Library,
 }
 
+/// Calls the FMU's instantiate function: the instance, its functions, and what their names begin with.
+///
+/// # Safety
+/// The callbacks outlive the instance.
+unsafe fn instantiate(
+    model: &Model,
+    library: &Library,
+    folder: &Path,
+    callbacks: &Callbacks,
+) -> Result<(Component, Functions, &'static str), String> {
+    let text = |text: String| CString::new(text).map_err(|_| "a name of it holds a NUL".to_owned());
+    let (name, token) = (text("fss".to_owned())?, text(model.token.clone())?);
+    let resources = folder.join("resources");
+    // SAFETY: the symbols have the types that the standard gives them; all arguments outlive the calls.
+    unsafe {
+        match model.fmi {
+            Fmi::Two => {
+                let resources = text(format!("file://{}", resources.display()))?;
+                type Make = unsafe extern "C" fn(
+                    *const c_char,
+                    c_int,
+                    *const c_char,
+                    *const c_char,
+                    *const Callbacks,
+                    c_int,
+                    c_int,
+                ) -> Component;
+                let make: Make = symbol(library, "fmi2Instantiate")?;
+                let component = make(name.as_ptr(), 1, token.as_ptr(), resources.as_ptr(), callbacks, 0, 0);
+                Ok((component, Functions::two(library)?, "fmi2"))
+            }
+            Fmi::Three => {
+                let resources = text(format!("{}/", resources.display()))?;
+                type Make = unsafe extern "C" fn(
+                    *const c_char,
+                    *const c_char,
+                    *const c_char,
+                    bool,
+                    bool,
+                    bool,
+                    bool,
+                    *const u32,
+                    usize,
+                    *mut c_void,
+                    unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char),
+                    *const c_void,
+                ) -> Component;
+                let make: Make = symbol(library, "fmi3InstantiateCoSimulation")?;
+                let (named, path) = (name.as_ptr(), resources.as_ptr());
+                let component = make(
+                    named,
+                    token.as_ptr(),
+                    path,
+                    false,
+                    false,
+                    false,
+                    false,
+                    ptr::null(),
+                    0,
+                    ptr::null_mut(),
+                    log3,
+                    ptr::null(),
+                );
+                Ok((component, Functions::three(library)?, "fmi3"))
+            }
+        }
+    }
+}
+
 impl Instance {
     /// Loads the library of an unpacked FMU and makes one, in its initialization mode.
     ///
@@ -80,63 +149,9 @@ impl Instance {
             step_finished: None,
             environment: ptr::null_mut(),
         });
-        let text = |text: String| CString::new(text).map_err(|_| "a name of it holds a NUL".to_owned());
-        let (name, token) = (text("fss".to_owned())?, text(model.token.clone())?);
-        let resources = folder.join("resources");
-        // SAFETY: the symbols have the types that the standard gives them; all arguments outlive the calls, `callbacks` the FMU.
+        // SAFETY: `callbacks` outlives the FMU; the symbols have the types that the standard gives them.
         unsafe {
-            let (component, functions, prefix) = match model.fmi {
-                Fmi::Two => {
-                    let resources = text(format!("file://{}", resources.display()))?;
-                    type Make = unsafe extern "C" fn(
-                        *const c_char,
-                        c_int,
-                        *const c_char,
-                        *const c_char,
-                        *const Callbacks,
-                        c_int,
-                        c_int,
-                    ) -> Component;
-                    let make: Make = symbol(&library, "fmi2Instantiate")?;
-                    let component =
-                        make(name.as_ptr(), 1, token.as_ptr(), resources.as_ptr(), &raw const *callbacks, 0, 0);
-                    (component, Functions::two(&library)?, "fmi2")
-                }
-                Fmi::Three => {
-                    let resources = text(format!("{}/", resources.display()))?;
-                    type Make = unsafe extern "C" fn(
-                        *const c_char,
-                        *const c_char,
-                        *const c_char,
-                        bool,
-                        bool,
-                        bool,
-                        bool,
-                        *const u32,
-                        usize,
-                        *mut c_void,
-                        unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char),
-                        *const c_void,
-                    ) -> Component;
-                    let make: Make = symbol(&library, "fmi3InstantiateCoSimulation")?;
-                    let (named, path) = (name.as_ptr(), resources.as_ptr());
-                    let component = make(
-                        named,
-                        token.as_ptr(),
-                        path,
-                        false,
-                        false,
-                        false,
-                        false,
-                        ptr::null(),
-                        0,
-                        ptr::null_mut(),
-                        log3,
-                        ptr::null(),
-                    );
-                    (component, Functions::three(&library)?, "fmi3")
-                }
-            };
+            let (component, functions, prefix) = instantiate(model, &library, folder, &callbacks)?;
             if component.is_null() {
                 return Err("does not start: its instantiate function gives nothing".to_owned());
             }

@@ -113,18 +113,13 @@ impl Lab {
         for list in [&mut reports.q_rad, &mut reports.qd_rad_s, &mut reports.torque_nm, &mut command.values] {
             *list = vec![Vec::new(); n];
         }
-        let noise = self.noise;
         for k in 0..=(duration_s / h).round() as usize {
             let t = h * k as f64;
             let [q, qd, qdd] = joints(t);
-            let noisy = |lab: &mut Self, p: Vector3<f64>| {
-                [p.x + lab.gauss(noise.position_m), p.y + lab.gauss(noise.position_m), p.z + lab.gauss(noise.angle_rad)]
-            };
             bases.t_s.push(t);
-            bases.values.push(noisy(self, base));
+            bases.values.push(self.captured(base));
             tips.t_s.push(t);
-            let tip = model.end_effector(&pose(base, &q));
-            tips.values.push(noisy(self, tip));
+            tips.values.push(self.captured(model.end_effector(&pose(base, &q))));
             if k % 5 == 0 {
                 command.t_s.push(t);
                 (0..n).for_each(|i| command.values[i].push(q[i]));
@@ -134,11 +129,7 @@ impl Lab {
                 let acc = model.prescribed_dynamics(&state, &qdd, &Vector3::zeros());
                 let tau = model.inverse_dynamics(&state, &acc);
                 reports.t_s.push(t);
-                for i in 0..n {
-                    reports.q_rad[i].push(q[i] + self.gauss(noise.encoder_rad));
-                    reports.qd_rad_s[i].push(qd[i] + self.gauss(noise.rate_rad_s));
-                    reports.torque_nm[i].push(tau[3 + i] + self.gauss(noise.torque_n_m));
-                }
+                (0..n).for_each(|i| self.report(&mut reports, i, [q[i], qd[i], tau[3 + i]]));
             }
             // Runge and Kutta.
             let k1 = twist(base, t);
@@ -150,6 +141,20 @@ impl Lab {
         (run.base_pose, run.ee_pose, run.joints, run.joint_command) =
             (Some(bases), Some(tips), Some(reports), Some(command));
         run
+    }
+
+    /// A pose as motion capture sees it.
+    fn captured(&mut self, p: Vector3<f64>) -> [f64; 3] {
+        let noise = self.noise;
+        [p.x + self.gauss(noise.position_m), p.y + self.gauss(noise.position_m), p.z + self.gauss(noise.angle_rad)]
+    }
+
+    /// Adds angle, rate and torque of a joint as its sensors tell them.
+    fn report(&mut self, reports: &mut Joints, joint: usize, [q, qd, tau]: [f64; 3]) {
+        let noise = self.noise;
+        reports.q_rad[joint].push(q + self.gauss(noise.encoder_rad));
+        reports.qd_rad_s[joint].push(qd + self.gauss(noise.rate_rad_s));
+        reports.torque_nm[joint].push(tau + self.gauss(noise.torque_n_m));
     }
 
     /// Six runs of 40 s.
