@@ -167,6 +167,18 @@ fn are_logged_without_a_gap(seen: &[Vec<u8>], definition: &str, logged: &[NavSta
     assert!(sequences.is_sorted_by(|a, b| a + 1.0 == *b), "a viewer that keeps up misses none");
 }
 
+fn ground_alone_lost_samples(log: &Log) {
+    let mut lost = 0;
+    for health in log.samples::<Health>("/health").unwrap() {
+        if text_of(&health.service) == "ground" {
+            lost = health.dropped;
+        } else {
+            assert_eq!(health.dropped, 0, "{}", text_of(&health.service));
+        }
+    }
+    assert!(lost > 0, "what the slow viewer did not fetch is counted");
+}
+
 #[test]
 fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobody() {
     let address = free_address();
@@ -217,15 +229,7 @@ fn a_viewer_sees_the_flight_as_the_log_will_have_it_and_a_slow_one_disturbs_nobo
     assert_eq!(outcome, "done");
     let logged = log.samples::<NavState>("/nav/state").unwrap();
     are_logged_without_a_gap(&seen, &definition, &logged);
-    let mut lost = 0;
-    for health in log.samples::<Health>("/health").unwrap() {
-        if text_of(&health.service) == "ground" {
-            lost = health.dropped;
-        } else {
-            assert_eq!(health.dropped, 0, "{}", text_of(&health.service));
-        }
-    }
-    assert!(lost > 0, "what the slow viewer did not fetch is counted");
+    ground_alone_lost_samples(&log);
     let events = log.samples::<Event>("/events").unwrap();
     let said = |words: &str| events.iter().any(|event| text_of(&event.text).contains(words));
     assert!(!said("samples lost"), "the recorder lost nothing");

@@ -65,6 +65,33 @@ pub struct Instance {
     library: Library,
 }
 
+/// `fmi2Instantiate`.
+type InstantiateTwo = unsafe extern "C" fn(
+    *const c_char,
+    c_int,
+    *const c_char,
+    *const c_char,
+    *const Callbacks,
+    c_int,
+    c_int,
+) -> Component;
+
+/// `fmi3InstantiateCoSimulation`.
+type InstantiateThree = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    bool,
+    bool,
+    *const u32,
+    usize,
+    *mut c_void,
+    unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char),
+    *const c_void,
+) -> Component;
+
 /// Calls the FMU's instantiate function: the instance, its functions, and what their names begin with.
 ///
 /// # Safety
@@ -83,36 +110,13 @@ unsafe fn instantiate(
         match model.fmi {
             Fmi::Two => {
                 let resources = text(format!("file://{}", resources.display()))?;
-                type Make = unsafe extern "C" fn(
-                    *const c_char,
-                    c_int,
-                    *const c_char,
-                    *const c_char,
-                    *const Callbacks,
-                    c_int,
-                    c_int,
-                ) -> Component;
-                let make: Make = symbol(library, "fmi2Instantiate")?;
+                let make: InstantiateTwo = symbol(library, "fmi2Instantiate")?;
                 let component = make(name.as_ptr(), 1, token.as_ptr(), resources.as_ptr(), callbacks, 0, 0);
                 Ok((component, Functions::two(library)?, "fmi2"))
             }
             Fmi::Three => {
                 let resources = text(format!("{}/", resources.display()))?;
-                type Make = unsafe extern "C" fn(
-                    *const c_char,
-                    *const c_char,
-                    *const c_char,
-                    bool,
-                    bool,
-                    bool,
-                    bool,
-                    *const u32,
-                    usize,
-                    *mut c_void,
-                    unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char),
-                    *const c_void,
-                ) -> Component;
-                let make: Make = symbol(library, "fmi3InstantiateCoSimulation")?;
+                let make: InstantiateThree = symbol(library, "fmi3InstantiateCoSimulation")?;
                 let (named, path) = (name.as_ptr(), resources.as_ptr());
                 let component = make(
                     named,

@@ -28,6 +28,14 @@ pub struct Lab {
     pub rng: ChaCha8Rng,
 }
 
+/// Of the base, then of the joints.
+fn coordinates(base: Vector3<f64>, joints: &JointVector) -> Coordinates {
+    let mut all = Coordinates::zeros();
+    all.as_mut_slice()[..3].copy_from_slice(base.as_slice());
+    all.as_mut_slice()[3..].copy_from_slice(joints.as_slice());
+    all
+}
+
 impl Lab {
     pub fn new(model: Model, noise: Noise, seed: u64) -> Self {
         Self { model, noise, rng: ChaCha8Rng::seed_from_u64(seed) }
@@ -92,17 +100,11 @@ impl Lab {
             out
         };
         let model = self.model;
-        let pose = |base: Vector3<f64>, q: &JointVector| {
-            let mut c = Coordinates::zeros();
-            c.as_mut_slice()[..3].copy_from_slice(base.as_slice());
-            c.as_mut_slice()[3..].copy_from_slice(q.as_slice());
-            c
-        };
         let [px, py, spin] = momentum;
         // The angular momentum about the centre of mass stays; about the base's origin it does not.
         let twist = |base: Vector3<f64>, t: f64| {
             let [q, qd, _] = joints(t);
-            let c = pose(base, &q);
+            let c = coordinates(base, &q);
             let arm = model.center_of_mass(&c) - base.xy();
             model.base_twist(&c, &qd, &Vector3::new(px, py, spin + arm.x * py - arm.y * px))
         };
@@ -119,13 +121,13 @@ impl Lab {
             bases.t_s.push(t);
             bases.values.push(self.captured(base));
             tips.t_s.push(t);
-            tips.values.push(self.captured(model.end_effector(&pose(base, &q))));
+            tips.values.push(self.captured(model.end_effector(&coordinates(base, &q))));
             if k % 5 == 0 {
                 command.t_s.push(t);
                 (0..n).for_each(|i| command.values[i].push(q[i]));
             }
             if k % 20 == 0 {
-                let state = State { q: pose(base, &q), v: pose(twist(base, t), &qd) };
+                let state = State { q: coordinates(base, &q), v: coordinates(twist(base, t), &qd) };
                 let acc = model.prescribed_dynamics(&state, &qdd, &Vector3::zeros());
                 let tau = model.inverse_dynamics(&state, &acc);
                 reports.t_s.push(t);
