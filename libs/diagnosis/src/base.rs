@@ -27,8 +27,7 @@ mod thrust_errors;
 use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, Answers, ClosedLoop, Elasticity, Nodes, Swing, datagrams, elasticity};
-use carriage::joints_only;
+use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives};
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
@@ -62,18 +61,19 @@ pub struct BaseBlock {
     nominal: Arc<About>,
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<About>>>,
-    swings: Mutex<Swings>,
+    driven_otherwise: Mutex<DrivenOtherwise>,
 }
 
-/// What the rows change by where drives are elastic otherwise than those that everything is linearized about: these, the others, the
-/// rows. It hardly hangs on what else acts.
-type Swings = Vec<([Vec<Elasticity>; 2], Option<Arc<Vec<f64>>>)>;
+/// What the rows change by on other drives than those that everything is linearized about: these, the others, the rows. It hardly hangs
+/// on what else acts.
+type DrivenOtherwise = Vec<([Vec<Drive>; 2], Option<Arc<Vec<f64>>>)>;
 
 /// A plant, its effects, and what is linearized about them.
 struct About {
-    elasticity: Vec<Elasticity>,
-    /// The drives with which the joints' path was computed, and what joints' motion beside it changes; `None` without datagrams.
-    drives: Option<(ClosedLoop, JointMotion)>,
+    /// The drives with which the joints' path was computed.
+    drives: Vec<Drive>,
+    /// What joints' motion beside that path changes.
+    beside: JointMotion,
     predictor: Predictor,
     /// What the rows read but for what servos make of datagrams otherwise than with the drives above.
     rows: Memo<Vec<f64>>,
@@ -94,23 +94,21 @@ impl About {
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
         let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
-        let drives = closed_loop(&predictor, &physics)?.map(|own| (own, beside));
-        Ok(Self { elasticity: elasticity(&physics), drives, predictor, rows: Memo::new(), noise })
+        Ok(Self { drives: drives(&physics), beside, predictor, rows: Memo::new(), noise })
     }
 
-    /// What the rows change by where links swing on their motors, and where these move otherwise than with this plant's servos and
-    /// drives, by the part that telemetry does not show; `None` where neither is so.
+    /// What the rows change by where links swing on their motors, and where these move otherwise than on this plant's drives, by the part
+    /// that telemetry does not show; `None` where neither is so.
     fn answer(
         &self,
         (plant, effects): (&Plant, &[Effect]),
         physics: &Physics,
         (samples, commands, moves): (&Samples, Option<&Commands>, bool),
-        (answers, swings): (&Answers, &Mutex<Swings>),
+        (answers, driven_otherwise): (&Answers, &Mutex<DrivenOtherwise>),
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
-        let (Some((own, beside)), Some(commands)) = (&self.drives, commands) else { return Ok(None) };
-        let Some(nominal) = &self.predictor.encoders.response else { return Ok(None) };
+        let encoders = &self.predictor.encoders;
+        let (Some(nominal), Some(commands)) = (&encoders.response, commands) else { return Ok(None) };
         let rows = |change: Option<Vec<Nodes>>, swings: &Option<Vec<Swing>>| {
-            let encoders = &self.predictor.encoders;
             let unseen = |change: Vec<Nodes>| (0..change.len()).map(|i| encoders.unseen(i, &change[i])).collect();
             let unseen: Option<Vec<Nodes>> = change.map(unseen);
             let between = |nodes: &Nodes, t_s: f64| encoders.grid.between(nodes, t_s);
@@ -119,24 +117,23 @@ impl About {
                 let ahead = swings.as_ref().map_or([0.0; 2], |all| between(&all[joint].ahead, t_s));
                 [motor[0] + ahead[0], motor[1] + ahead[1]]
             };
-            (unseen.is_some() || swings.is_some()).then(|| Arc::new(beside.rows(samples, at)))
+            (unseen.is_some() || swings.is_some()).then(|| Arc::new(self.beside.rows(samples, at)))
         };
-        let elasticity = elasticity(physics);
-        if elasticity == self.elasticity {
-            return Ok(rows(own.change(&physics.servos, nominal), &nominal.swings));
+        let drives = [self.drives.clone(), drives(physics)];
+        if drives[0] == drives[1] {
+            return Ok(rows(None, &nominal.swings));
         }
-        // Links hardly swing where joints rest: a first look does without.
-        if !moves && !self.elasticity.iter().any(Elasticity::is_elastic) {
+        // Where joints rest, no drive does much: a first look does without.
+        if !moves && !self.drives.iter().any(|drive| drive.elasticity.is_elastic()) {
             return Ok(None);
         }
-        let drives = [self.elasticity.clone(), elasticity];
-        let kept = || swings.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = || driven_otherwise.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, known)) = kept().iter().find(|(of, _)| *of == drives) {
             return Ok(known.clone());
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
-        let swing = answers.response(&plant, commands, &self.predictor.encoders.grid.edges_s())?;
-        let rows = rows(Some(swing.beside(nominal)), &swing.swings);
+        let there = answers.response(&plant, commands, &encoders.grid.edges_s())?;
+        let rows = rows(Some(there.beside(nominal)), &there.swings);
         kept().push((drives, rows.clone()));
         Ok(rows)
     }
@@ -183,7 +180,7 @@ impl BaseBlock {
             plant: plant.clone(),
             nominal,
             present: Mutex::new(None),
-            swings: Mutex::default(),
+            driven_otherwise: Mutex::default(),
         }))
     }
 
@@ -210,16 +207,6 @@ impl BaseBlock {
     }
 }
 
-/// The drives of what acts along a path; `None` without datagrams.
-fn closed_loop(predictor: &Predictor, physics: &Physics) -> Result<Option<ClosedLoop>, ModelError> {
-    let encoders = &predictor.encoders;
-    if encoders.response.is_none() {
-        return Ok(None);
-    }
-    let postures = encoders.angle.iter().map(joints_only);
-    Ok(ClosedLoop::new(&physics.model(0.0)?, physics, encoders.grid.step_s, postures))
-}
-
 /// Cells in which the heading turns little.
 fn cell_s(samples: &Samples) -> f64 {
     let (t, poses) = (samples.block_times(), samples.block_poses());
@@ -239,7 +226,9 @@ impl Block for BaseBlock {
         let read = || Ok(self.samples.read(&about.predictor.motion(plant, effects)?));
         let mut rows = about.rows.get(&physics, are_loaded_alike, read)?.to_vec();
         let records = (&self.samples, datagrams(plant, &self.run), self.arm_moves);
-        if let Some(change) = about.answer((plant, effects), &physics, records, (&self.answers, &self.swings))? {
+        if let Some(change) =
+            about.answer((plant, effects), &physics, records, (&self.answers, &self.driven_otherwise))?
+        {
             rows.iter_mut().zip(change.iter()).for_each(|(v, c)| *v += c);
         }
         Ok(rows)

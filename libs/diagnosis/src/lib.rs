@@ -51,8 +51,7 @@ use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
 use problem::Problem;
-use search::{Contact, NoCause, Noise, Rewired, Searched};
-use std::cell::OnceCell;
+use search::{Contact, NoCause, Rewired, Searched, Standing};
 use std::collections::BTreeSet;
 use tuning::Tuning;
 
@@ -109,84 +108,63 @@ fn answer(
     start: &Start,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, ModelError> {
-    let (mut tuning, mut hyper) = (Tuning::default(), None);
-    // With gains that a search found, the candidates that it looked at are worth a look.
-    let mut among = start.contact().map(|contact| BTreeSet::from([contact.candidate()]));
-    let mut problem = Problem::new(plant, records.0, &tuning)?;
+    let problem = Problem::new(plant, records.0, &Tuning::default())?;
     if problem.is_empty() {
         return Ok(nothing_to_say(plant));
     }
-    let (mut again, mut ready) = (0, None);
+    let nothing = search::without_causes(&problem, None, say)?;
+    let noise = nothing.hyper.clone();
+    let (mut problem, mut nothing) = tuned((problem, nothing), records.0, say)?;
+    // A contact is sought alone.
+    let among = start.contact().map(|contact| BTreeSet::from([contact.candidate()]));
+    let (mut left, mut refused) = (RETUNED, problem.tuning.clone());
     loop {
-        let noise = hyper.as_deref().map_or(Noise::Unknown, Noise::Near);
-        let nothing = match ready.take() {
-            Some(nothing) => nothing,
-            None => search::without_causes(&problem, noise, say)?,
-        };
-        let known = nothing.hyper.clone();
-        let gains = Tuning::of(&problem.uncertain, &nothing.means);
-        let tuned: OnceCell<Tuned> = OnceCell::new();
-        // A soft drive stands for gains that are off: those of the plant file have to be more probable with it than others without.
-        let rival = || -> Result<Option<f64>, ModelError> {
-            if hyper.is_some() || gains.is_near(&tuning) {
-                return Ok(None);
+        let mut next = None;
+        let mut is_tuned_otherwise = |standing: &Standing| -> Result<bool, ModelError> {
+            let found = standing.tuning();
+            if left == 0 || found.is_near(&problem.tuning) || found.is_near(&refused) {
+                return Ok(false);
             }
-            if tuned.get().is_none() {
-                let _ = tuned.set(Tuned::new(plant, records.0, (gains.clone(), &known), say)?);
+            let other = Problem::new(plant, records.0, &found)?;
+            let is_likelier = standing.is_likelier_in(&other)?;
+            if is_likelier {
+                next = Some(other);
+            } else {
+                refused = found;
             }
-            Ok(tuned.get().map(|tuned| tuned.nothing.log_posterior))
+            Ok(is_likelier)
         };
-        let Some(searched) = search::search(&problem, nothing, (start.contact(), among.as_ref()), &rival, say)? else {
-            let tuned = tuned.into_inner().map_or_else(|| Tuned::new(plant, records.0, (gains, &known), say), Ok)?;
-            (tuning, problem, ready, hyper) = (tuned.tuning, tuned.problem, Some(tuned.nothing), Some(known));
-            continue;
-        };
-        let found = Tuning::of(&problem.uncertain, &searched.uncertain_means());
-        if again == RETUNED || found.is_near(&tuning) {
-            return answer_of(&searched, records, start, say);
-        }
-        let next = Problem::new(plant, records.0, &found)?;
-        if !searched.is_likelier_in(&next)? {
-            return answer_of(&searched, records, start, say);
-        }
-        (tuning, hyper, among) = (found, Some(known), Some(searched.search.looked_at));
-        problem = next;
-        again += 1;
+        let from = (start.contact(), among.as_ref());
+        let searched = search::search(&problem, nothing, from, &mut is_tuned_otherwise, say)?;
+        let Some(other) = next else { return answer_of(&searched, records, start, say) };
+        nothing = search::without_causes(&other, Some(&noise), say)?;
+        (problem, left) = (other, left - 1);
     }
 }
 
-/// The runs with the gains that suit them best, of some that are near, where there are no causes.
-struct Tuned {
-    tuning: Tuning,
-    problem: Problem,
-    nothing: NoCause,
-}
-
-impl Tuned {
-    fn new(
-        plant: &Plant,
-        runs: &[Run],
-        (mut tuning, hyper): (Tuning, &[f64]),
-        say: &(dyn Fn(&str) + Sync),
-    ) -> Result<Self, ModelError> {
-        let mut problem = Problem::new(plant, runs, &tuning)?;
-        let mut nothing = search::without_causes(&problem, Noise::As(hyper), say)?;
-        for _ in 0..RETUNED {
-            let found = Tuning::of(&problem.uncertain, &nothing.means);
-            if found.is_near(&tuning) {
-                break;
-            }
-            tuning = found;
-            problem = Problem::new(plant, runs, &tuning)?;
-            nothing = search::without_causes(&problem, Noise::As(hyper), say)?;
+/// The runs without causes, with the gains that suit them best.
+fn tuned(
+    (mut problem, mut nothing): (Problem, NoCause),
+    runs: &[Run],
+    say: &(dyn Fn(&str) + Sync),
+) -> Result<(Problem, NoCause), ModelError> {
+    for _ in 0..RETUNED {
+        let found = Tuning::of(&problem.uncertain, &nothing.means);
+        if found.is_near(&problem.tuning) {
+            break;
         }
-        let nothing = nothing.again(&problem, Noise::Near(hyper));
-        Ok(Self { tuning, problem, nothing })
+        let other = Problem::new(&problem.plant_file, runs, &found)?;
+        let there = search::without_causes(&other, Some(&nothing.hyper), say)?;
+        if there.log_posterior <= nothing.log_posterior {
+            break;
+        }
+        (problem, nothing) = (other, there);
     }
+    Ok((problem, nothing))
 }
 
-/// So often at the most the search is repeated with servos that are tuned otherwise.
-const RETUNED: usize = 2;
+/// So often at the most servos are tuned otherwise, without causes and with them.
+const RETUNED: usize = 4;
 
 /// The answer that a search leads to.
 fn answer_of(

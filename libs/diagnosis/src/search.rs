@@ -10,7 +10,7 @@
 //! - `sets`: priors and marginal likelihoods of sets, the beam search; `hyper`: the hyper-parameters that suit a set.
 //! - `no_cause`: the runs without causes.
 //! - `shortlist`, `estimate`, `course`: the candidates of a round, the estimate of its best set, the rounds.
-//! - `searched`: what a search came to.
+//! - `standing`: where it stands still; `searched`: what it came to.
 //! - `contacts`: play in joints, about itself; `wiring`: wirings of the thrusters.
 
 mod contacts;
@@ -22,12 +22,14 @@ mod searched;
 mod sets;
 mod shortlist;
 mod space;
+mod standing;
 mod wiring;
 
 pub(crate) use contacts::{Contact, contact};
 pub(crate) use course::search;
-pub(crate) use no_cause::{NoCause, Noise, without_causes};
+pub(crate) use no_cause::{NoCause, without_causes};
 pub(crate) use searched::Searched;
 pub(crate) use sets::{SIZES, log_sum};
 pub(crate) use space::Found;
+pub(crate) use standing::Standing;
 pub(crate) use wiring::{Rewired, rewired};

@@ -1,23 +1,38 @@
 //! What servos make of the datagrams that command them.
 //!
 //! Between two datagrams a servo settles within some hundredths of a second, which telemetry does not show, but a floating base does. So
-//! the motion is taken from a simulation of the servos; [`closed_loop`] tells what other gains would make of it, [`swing`] what links do on
-//! elastic drives.
+//! the motion is taken from a simulation of the servos, that with other gains or on other drives from another; [`swing`] tells what links
+//! do on elastic drives. A joint that dry friction holds or turns back answers to gains by no derivative: differences are simulated.
 
-mod closed_loop;
 mod swing;
 
-pub(crate) use closed_loop::{ClosedLoop, Nodes};
 use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, JointCommand, Physics, Place, Plant, Servo, Simulation};
+use fss_plant::{Effect, Physics, Place, Plant, Servo, Simulation};
 use std::sync::{Arc, Mutex, PoisonError};
+
 pub(crate) use swing::{Elasticity, Swing, elasticity};
 
 /// Standard deviation of the time that a datagram takes to its link, s: anything from 2 to 8 ms over a radio.
 pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
+
+/// Angle, rad, rate and acceleration at each node of a path.
+pub(crate) type Nodes = Vec<[f64; 3]>;
+
+/// What a joint is driven by: its driver and its gear.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Drive {
+    servo: Servo,
+    pub(crate) elasticity: Elasticity,
+}
+
+/// The drive of each joint.
+pub(crate) fn drives(physics: &Physics) -> Vec<Drive> {
+    let pairs = physics.servos.iter().zip(elasticity(physics));
+    pairs.map(|(servo, elasticity)| Drive { servo: servo.clone(), elasticity }).collect()
+}
 
 /// The joints' motion in answer to datagrams.
 #[derive(Clone, Debug)]
@@ -26,8 +41,6 @@ pub(crate) struct Response {
     pub(crate) nominal: Vec<Nodes>,
     /// What each link does on its elastic drive; `None` where all are rigid.
     pub(crate) swings: Option<Vec<Swing>>,
-    /// What each joint's servo sees, at the nodes.
-    errors: Vec<Vec<Errors>>,
 }
 
 impl Response {
@@ -39,20 +52,6 @@ impl Response {
     }
 }
 
-/// What a servo corrects: errors of its joint's rate and angle.
-#[derive(Clone, Copy, Debug, Default)]
-struct Error {
-    rate_rad_s: f64,
-    angle_rad: f64,
-}
-
-/// At a node, and on average until the next.
-#[derive(Clone, Copy, Debug, Default)]
-struct Errors {
-    now: Error,
-    until_next: Error,
-}
-
 /// A joint's state at one time of a simulation.
 #[derive(Clone, Copy, Debug, Default)]
 struct Instant {
@@ -60,7 +59,6 @@ struct Instant {
     encoder: [f64; 2],
     /// The same of its link ahead of its motor.
     ahead: [f64; 2],
-    error: Error,
 }
 
 /// A simulation of the joints: times, s, and each joint's states.
@@ -76,7 +74,7 @@ impl Simulated {
         let mut out = Self { t_s: Vec::new(), joints: vec![Vec::new(); plant.link_count()] };
         commands.play(&still, 0, 1, |simulation| {
             out.t_s.push(simulation.t_s());
-            out.joints.iter_mut().enumerate().for_each(|(i, own)| own.push(instant(plant, commands, simulation, i)));
+            out.joints.iter_mut().enumerate().for_each(|(i, own)| own.push(instant(simulation, i)));
         })?;
         Ok(out)
     }
@@ -126,27 +124,15 @@ fn response(plant: &Plant, simulated: &Simulated, grid_s: &[f64]) -> Response {
         drives.map(|(ahead, drive)| Swing::new(ahead, drive, step_s)).collect()
     };
     let is_elastic = drives.iter().any(Elasticity::is_elastic);
-    Response {
-        nominal: nodes(&|state| state.encoder),
-        swings: is_elastic.then(|| swings(nodes(&|state| state.ahead))),
-        errors: states.iter().map(|own| errors(times, own, grid_s)).collect(),
-    }
+    Response { nominal: nodes(&|state| state.encoder), swings: is_elastic.then(|| swings(nodes(&|state| state.ahead))) }
 }
 
-fn instant(plant: &Plant, commands: &Commands, simulation: &Simulation, joint: usize) -> Instant {
+fn instant(simulation: &Simulation, joint: usize) -> Instant {
     let (q, qd) = (simulation.encoder_rad(joint), simulation.encoder_rate_rad_s(joint));
     let (link, motor) = (simulation.joint(joint), simulation.motor(joint));
     let own = &simulation.physics().joints[joint];
     let ahead = [own.motor_angle(link.0) - motor.0, own.gear_ratio(link.0) * link.1 - motor.1];
-    let error = match commands.told(joint, simulation.t_s()) {
-        Some(JointCommand::Velocity { qd_rad_s }) => Error { rate_rad_s: qd_rad_s - qd, angle_rad: 0.0 },
-        Some(JointCommand::Position { q_rad, qd_rad_s }) => {
-            let angle_rad = q_rad - q;
-            Error { rate_rad_s: qd_rad_s + plant.servo(joint).position_gain_1_s * angle_rad - qd, angle_rad }
-        }
-        _ => Error::default(),
-    };
-    Instant { encoder: [q, qd], ahead, error }
+    Instant { encoder: [q, qd], ahead }
 }
 
 /// The servo of one joint, apart from what others share.
@@ -194,21 +180,4 @@ fn node(t_s: &[f64], states: &[[f64; 2]], at_s: f64) -> [f64; 3] {
     let (step_s, past_s) = (t_s[after] - t_s[after - 1], at_s - t_s[after - 1]);
     let acceleration = (b[1] - a[1]) / step_s;
     [a[0] + past_s * (b[0] - a[0]) / step_s, a[1] + past_s * acceleration, acceleration]
-}
-
-/// A servo's errors at the times `grid_s` and on average until the next.
-fn errors(t_s: &[f64], states: &[Instant], grid_s: &[f64]) -> Vec<Errors> {
-    let from = |at_s: f64| t_s.partition_point(|t| *t <= at_s).saturating_sub(1);
-    let mean = |range: std::ops::Range<usize>| {
-        let count = range.len().max(1) as f64;
-        let all = states.get(range).unwrap_or_default().iter();
-        let [rate, angle] = all.fold([0.0; 2], |[r, a], s| [r + s.error.rate_rad_s, a + s.error.angle_rad]);
-        Error { rate_rad_s: rate / count, angle_rad: angle / count }
-    };
-    let node = |k: usize| {
-        let now = from(grid_s[k]);
-        let next = grid_s.get(k + 1).map_or(now + 1, |t| from(*t).max(now + 1));
-        Errors { now: mean(now..now + 1), until_next: mean(now..next.min(states.len())) }
-    };
-    (0..grid_s.len()).map(node).collect()
 }

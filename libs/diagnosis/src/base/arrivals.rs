@@ -5,35 +5,41 @@ use super::prediction::Predictor;
 use crate::servo_response::{ARRIVAL_SD_S, Nodes};
 use fss_plant::Plant;
 
-/// Datagrams arrive earlier or later than they are taken to: by u standard deviations, an Ornstein-Uhlenbeck process. A servo
+/// A displacement of the base below this share of its sensors' noise is left out.
+const UNNOTICED: f64 = 0.05;
+
+/// A joint's datagrams arrive earlier or later than they are taken to: by u standard deviations, an Ornstein-Uhlenbeck process. A servo
 /// whose commanded motion begins later is displaced along it, by x: x' = (u - x) g, with g the gain of the position loop.
 pub(super) struct Arrivals {
     /// Correlation time of u (s), and 1/g (s).
     pub(super) time_s: f64,
     pub(super) lag_s: f64,
-    /// What a displacement of one standard deviation of the arrival turns the base by, at each block (rad).
-    pub(super) turn_rad: Vec<f64>,
+    /// By what a displacement of one standard deviation of the arrival moves the base, at each block: x m, y m and heading rad.
+    pub(super) moved: Vec<[f64; 3]>,
 }
 
 impl Arrivals {
-    /// What later datagrams do at each block.
-    pub(super) fn new(
+    /// What later datagrams do at each block, of each joint by which the base moves more than the sensors' `noise`: m, m, rad.
+    pub(super) fn of_joints(
         plant: &Plant,
         time_s: f64,
         predictor: &Predictor,
         beside: &JointMotion,
-        times: &[f64],
-    ) -> Option<Self> {
-        let grid = predictor.encoders.grid;
-        let nominal = &predictor.encoders.response.as_ref()?.nominal;
-        let turn = |t_s: &f64| {
-            let of = |(joint, nodes): (usize, &Nodes)| {
-                beside.at(*t_s, joint)[2] * grid.between(nodes, *t_s)[1] * ARRIVAL_SD_S
+        (times, noise): (&[f64], [f64; 3]),
+    ) -> Vec<Self> {
+        let Some(response) = &predictor.encoders.response else { return Vec::new() };
+        let of_joint = |(joint, nodes): (usize, &Nodes)| {
+            let moved = |t_s: &f64| {
+                let late_rad = predictor.encoders.grid.between(nodes, *t_s)[1] * ARRIVAL_SD_S;
+                beside.at(*t_s, joint).map(|slope| slope * late_rad)
             };
-            nominal.iter().enumerate().map(|own| of(own).powi(2)).sum::<f64>().sqrt()
+            let lag_s = 1.0 / plant.servo(joint).position_gain_1_s.max(1e-3);
+            Self { time_s, lag_s, moved: times.iter().map(moved).collect() }
         };
-        let gain = (0..nominal.len()).map(|i| plant.servo(i).position_gain_1_s).sum::<f64>() / nominal.len() as f64;
-        Some(Self { time_s, lag_s: 1.0 / gain.max(1e-3), turn_rad: times.iter().map(turn).collect() })
+        let is_noticed = |own: &Self| {
+            own.moved.iter().any(|moved| moved.iter().zip(noise).any(|(by, sd)| by.abs() > UNNOTICED * sd))
+        };
+        response.nominal.iter().enumerate().map(of_joint).filter(is_noticed).collect()
     }
 
     /// Stationary covariance of u and x.
@@ -62,7 +68,7 @@ mod tests {
 
     #[test]
     fn two_steps_are_as_good_as_one_and_the_process_is_stationary() {
-        let arrivals = Arrivals { time_s: 0.1, lag_s: 0.125, turn_rad: Vec::new() };
+        let arrivals = Arrivals { time_s: 0.1, lag_s: 0.125, moved: Vec::new() };
         let ((f1, q1), (f2, q2), (whole, noise)) = (arrivals.step(0.05), arrivals.step(0.12), arrivals.step(0.17));
         let p = arrivals.stationary();
         let sandwich = |f: &[[f64; 2]; 2], q: &[[f64; 2]; 2], i: usize, j: usize| -> f64 {

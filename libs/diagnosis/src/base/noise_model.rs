@@ -21,7 +21,7 @@ const BODY: usize = 9;
 const FORCES: usize = 6;
 /// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
 const ARM: usize = 3;
-/// And of an arm that datagrams command: how late they arrive, and how far it is displaced.
+/// And of each joint that datagrams command: how late they arrive, and how far it is displaced.
 const ARRIVAL: usize = 2;
 /// Variances of what is not known at the start: place (m^2) or heading (rad^2), speed (m^2/s^2), rate (rad^2/s^2).
 const START: [f64; 3] = [1e2, 1.0, 10.0];
@@ -38,7 +38,7 @@ pub(super) struct NoiseModel {
     /// Of the arm: correlation time of the errors of its path (s), and for each block the standard deviations that they give to
     /// its angular momentum (kg m^2/s) and to its centre of mass (m).
     arm: Option<(f64, Vec<[f64; 2]>)>,
-    arrivals: Option<Arrivals>,
+    arrivals: Vec<Arrivals>,
     thrust: ThrustErrors,
     gyro_walk: f64,
 }
@@ -76,8 +76,9 @@ impl NoiseModel {
         }
         let times = samples.block_times();
         let arm = if plant.link_count() > 0 { Some(arm_errors(&physics, run, predictor, &times)?) } else { None };
-        let arrivals =
-            datagrams(plant, run).and_then(|c| Arrivals::new(plant, arrival_time(c), predictor, beside, &times));
+        let noise = std::array::from_fn(|i| rows.first().map_or(0.0, |row| row[i]));
+        let of_joints = |c| Arrivals::of_joints(plant, arrival_time(c), predictor, beside, (&times, noise));
+        let arrivals = datagrams(plant, run).map_or_else(Vec::new, of_joints);
         let thrust = ThrustErrors::new(plant, predictor, (&path, &carriage), &times)?;
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
@@ -97,11 +98,17 @@ impl NoiseModel {
     }
 
     fn first_thruster(&self) -> usize {
-        self.first_arrival() + if self.arrivals.is_some() { ARRIVAL } else { 0 }
+        self.first_arrival() + ARRIVAL * self.arrivals.len()
     }
 
     fn first_arrival(&self) -> usize {
         BODY + if self.arm.is_some() { ARM } else { 0 }
+    }
+
+    /// Each joint's first state, and the joint.
+    fn each_arrivals(&self) -> impl Iterator<Item = (usize, &Arrivals)> {
+        let first = self.first_arrival();
+        self.arrivals.iter().enumerate().map(move |(i, arrivals)| (first + ARRIVAL * i, arrivals))
     }
 
     /// Whitens columns with the model at these values of the hyper-parameters; the logarithm of the determinant.
@@ -110,7 +117,7 @@ impl NoiseModel {
         let n = self.states();
         let mut filter = Whitener::new(n, &self.initial(&h), columns);
         let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
-        let (mut step, mut states) = (Step::default(), Vec::with_capacity(3));
+        let (mut step, mut states) = (Step::default(), Vec::with_capacity(12));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
             let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
             if let Some(before) = block.checked_sub(1) {
@@ -131,12 +138,11 @@ impl NoiseModel {
                     3 if self.arm.is_some() => states.push((9, -momentum_sd / moment.2)),
                     _ => {}
                 }
-                if let Some(arrivals) = &self.arrivals {
-                    let (turn, u) = (arrivals.turn_rad[block], self.first_arrival());
+                for (u, arrivals) in self.each_arrivals() {
+                    let moved = arrivals.moved[block];
                     match channel {
-                        2 => states.push((u + 1, turn)),
-                        3 => states.extend([(u, turn / arrivals.lag_s), (u + 1, -turn / arrivals.lag_s)]),
-                        _ => {}
+                        0..=2 => states.push((u + 1, moved[channel])),
+                        _ => states.extend([(u, moved[2] / arrivals.lag_s), (u + 1, -moved[2] / arrivals.lag_s)]),
                     }
                 }
                 if channel == 3 && self.gyro_walk > 0.0 {
@@ -158,8 +164,7 @@ impl NoiseModel {
         let mut initial = vec![0.0; n * n];
         let arm = [1.0; ARM].into_iter().filter(|_| self.arm.is_some());
         body.into_iter().chain(arm).enumerate().for_each(|(i, variance)| initial[i * n + i] = variance);
-        if let Some(arrivals) = &self.arrivals {
-            let u = self.first_arrival();
+        for (u, arrivals) in self.each_arrivals() {
             let stationary = arrivals.stationary();
             (0..2).for_each(|i| (0..2).for_each(|j| initial[(u + i) * n + u + j] = stationary[i][j]));
         }
@@ -232,13 +237,14 @@ impl NoiseModel {
     }
 
     fn add_arrivals(&self, dt: f64, step: &mut Dense) {
-        let Some(arrivals) = &self.arrivals else { return };
-        let (n, u) = (self.states(), self.first_arrival());
-        let (transition, noise) = arrivals.step(dt);
-        for i in 0..2 {
-            for j in 0..2 {
-                step.transition[(u + i) * n + u + j] = transition[i][j];
-                step.noise[(u + i) * n + u + j] += noise[i][j];
+        let n = self.states();
+        for (u, arrivals) in self.each_arrivals() {
+            let (transition, noise) = arrivals.step(dt);
+            for i in 0..ARRIVAL {
+                for j in 0..ARRIVAL {
+                    step.transition[(u + i) * n + u + j] = transition[i][j];
+                    step.noise[(u + i) * n + u + j] += noise[i][j];
+                }
             }
         }
     }

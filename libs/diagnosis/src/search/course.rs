@@ -6,6 +6,7 @@ use super::no_cause::{NoCause, medians};
 use super::searched::Searched;
 use super::sets::{SIZES, probabilities};
 use super::space::{Found, HyperPoint, Search};
+use super::standing::Standing;
 use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope, is_same};
 use fss_multibody::ModelError;
 use std::collections::BTreeSet;
@@ -51,43 +52,44 @@ struct Course<'a> {
 enum Next {
     /// Another one is sought.
     Another,
+    /// It stands still with this model: another one is sought among larger ones.
+    Larger(Vec<Present>),
     /// The search ends with this model.
     End(Vec<Present>),
     /// It is linearized about this model.
     About(Vec<Present>),
 }
 
-/// Searches from no cause or `from` a contact, `among` some candidates or all. `None` where a soft drive is less probable than a
-/// `rival`, which is asked for where one comes up: a logarithm.
+/// Searches from no cause or `from` a contact, `among` some candidates or all. Where a set and its values stand still, it ends if the
+/// servos are tuned in another way.
 pub(crate) fn search<'a>(
     problem: &'a Problem,
     nothing: NoCause,
     (from, among): (Option<&Contact>, Option<&BTreeSet<usize>>),
-    rival: &dyn Fn() -> Result<Option<f64>, ModelError>,
+    is_tuned_otherwise: &mut dyn FnMut(&Standing) -> Result<bool, ModelError>,
     say: &(dyn Fn(&str) + Sync),
-) -> Result<Option<Searched<'a>>, ModelError> {
+) -> Result<Searched<'a>, ModelError> {
     say("linearizing");
     let mut course = Course::new(problem, nothing, from, among)?;
     loop {
         say(&format!("searching for up to {}, round {}", course.largest, course.round + 1));
         let sets = course.sets()?;
         let best = sets[0].clone();
-        let is_soft = best.causes.iter().any(|c| course.is_elastic(*c));
-        let loses = |log_posterior: f64| -> Result<bool, ModelError> {
-            Ok(is_soft && rival()?.is_some_and(|rival| log_posterior < rival))
-        };
-        if loses(best.log_posterior)? {
-            return Ok(None);
-        }
         match course.estimated(&best)? {
             Next::Another => {}
-            Next::End(model) => return Ok(Some(course.ended(sets, model))),
+            Next::Larger(model) => {
+                if is_tuned_otherwise(&course.standing(&best, &model))? {
+                    return Ok(course.ended(sets, model));
+                }
+                course.go_on_to_larger(model);
+            }
+            Next::End(model) => {
+                is_tuned_otherwise(&course.standing(&best, &model))?;
+                return Ok(course.ended(sets, model));
+            }
             Next::About(model) => {
                 say(&format!("linearizing about {}", course.names(&model)));
                 let about = course.linearized(model, &best)?;
-                if loses(about.log_posterior)? {
-                    return Ok(None);
-                }
                 course.take(about, &best)?;
             }
         }
@@ -197,11 +199,16 @@ impl<'a> Course<'a> {
             return Ok(Next::End(model));
         }
         self.is_seen = still;
-        if still {
-            (self.now.model, self.largest, self.again) = (model, self.largest + 1, 0);
-            return Ok(Next::Another);
-        }
-        Ok(Next::About(model))
+        Ok(if still { Next::Larger(model) } else { Next::About(model) })
+    }
+
+    fn go_on_to_larger(&mut self, model: Vec<Present>) {
+        (self.now.model, self.largest, self.again) = (model, self.largest + 1, 0);
+    }
+
+    fn standing<'s>(&'s self, set: &'s Found, model: &'s [Present]) -> Standing<'s> {
+        let Self { search, points, now: About { linearized, hyper, .. }, .. } = self;
+        Standing { search, points, linearized, hyper, set, model }
     }
 
     /// Linearizes about a model of the best set.
