@@ -314,3 +314,77 @@ fn arm_errors(
     };
     Ok((0.5 * interval_s, times.iter().map(at).collect()))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::base::BaseBlock;
+    use crate::block::Block;
+    use crate::servo_response::ARRIVAL_SD_S;
+    use fss_experiments::commands::Commands;
+    use fss_experiments::measured::{Joints, Poses, Run};
+    use fss_plant::{JointCommand, Plant};
+
+    /// A joint that swings, its datagrams `late_s` later than they are taken to arrive; no sensor is noisy.
+    fn flight(plant: &Plant, late_s: f64) -> Run {
+        let told = |k: i32| {
+            let (t_s, w) = (0.04 * f64::from(k), 3.0);
+            let (q_rad, qd_rad_s) = (0.1 * (1.0 - (w * t_s).cos()), 0.1 * w * (w * t_s).sin());
+            (t_s, JointCommand::Position { q_rad, qd_rad_s })
+        };
+        let rests = vec![(0.0, JointCommand::Position { q_rad: 0.0, qd_rad_s: 0.0 })];
+        let mut joints = vec![rests; plant.link_count()];
+        joints[0] = (0..150).map(told).collect();
+        let commands = Commands { q_rad: vec![0.0; joints.len()], joints, end_s: 6.0, ..Commands::default() };
+        let mut late = commands.clone();
+        late.joints[0].iter_mut().for_each(|(t_s, _)| *t_s += late_s);
+        let (mut pose, mut telemetry) = (Poses::default(), Joints::default());
+        telemetry.q_rad = vec![Vec::new(); plant.link_count()];
+        telemetry.qd_rad_s = telemetry.q_rad.clone();
+        let still = Plant { disturbance: None, ..plant.clone() };
+        late.play(&still, 0, 20, |simulation| {
+            pose.t_s.push(simulation.t_s());
+            pose.values.push(simulation.truth().base_pose);
+            telemetry.t_s.push(simulation.t_s());
+            for joint in 0..plant.link_count() {
+                telemetry.q_rad[joint].push(simulation.encoder_rad(joint));
+                telemetry.qd_rad_s[joint].push(simulation.encoder_rate_rad_s(joint));
+            }
+        })
+        .unwrap();
+        Run { base_pose: Some(pose), joints: Some(telemetry), commands: Some(commands), ..Run::default() }
+    }
+
+    /// Sum of squares about the likeliest line: a run begins with a speed that nobody knows.
+    fn squares_about_a_line(values: impl Iterator<Item = f64>) -> f64 {
+        let values: Vec<f64> = values.collect();
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let from_middle = |k: usize| k as f64 - 0.5 * (count - 1.0);
+        let slope = values.iter().enumerate().map(|(k, v)| from_middle(k) * v).sum::<f64>()
+            / (0..values.len()).map(|k| from_middle(k).powi(2)).sum::<f64>();
+        values.iter().enumerate().map(|(k, v)| (v - mean - slope * from_middle(k)).powi(2)).sum()
+    }
+
+    #[test]
+    fn a_late_datagram_moves_the_base_along_its_own_motion_and_only_the_joint_that_swings_does() {
+        let plant = Plant::default_laboratory().unwrap();
+        let [on_time, late] = [0.0, ARRIVAL_SD_S].map(|late_s| flight(&plant, late_s));
+        let late = Run { base_pose: late.base_pose, ..on_time.clone() };
+        let blocks = [on_time, late].map(|run| BaseBlock::new(&plant, &run).unwrap().unwrap());
+        let arrivals = &blocks[0].nominal.noise.arrivals;
+        assert_eq!(arrivals.len(), 1);
+        let errors = blocks.each_ref().map(|block| {
+            let predicted = block.predict(&plant, &[]).unwrap();
+            block.measured().iter().zip(predicted).map(|(y, p)| y - p).collect::<Vec<_>>()
+        });
+        for axis in 0..3 {
+            // What begins later is behind.
+            let behind = |k: usize| errors[0][3 * k + axis] - errors[1][3 * k + axis];
+            let moved = &arrivals[0].moved;
+            let all = squares_about_a_line((50..moved.len()).map(behind));
+            let rest = squares_about_a_line((50..moved.len()).map(|k| behind(k) - moved[k][axis]));
+            assert!(all > 0.0 && rest < 0.1 * all, "axis {axis}: {rest} of {all}");
+        }
+    }
+}
