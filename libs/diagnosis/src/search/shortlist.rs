@@ -64,7 +64,6 @@ impl Search<'_> {
         }
         chosen.sort_unstable();
         (self.parameters, self.position) = self.parameters_with(&chosen);
-        self.looked_at.extend(&chosen);
         self.chosen = chosen;
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::problem::{Present, Problem};
 use fss_estimation::evidence::{Slab, SpikePosterior};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 
 /// Variations from run to run that sets are compared at.
 pub(super) const VARIATIONS: [f64; 4] = [1e-4, 0.03, 0.1, 0.3];
@@ -17,8 +17,6 @@ pub(crate) struct Search<'a> {
     pub(super) log_prior: Vec<f64>,
     /// Candidates that the present round looks at.
     pub(crate) chosen: Vec<usize>,
-    /// Candidates that any round looked at.
-    pub(crate) looked_at: BTreeSet<usize>,
     /// Causes of the model that everything is linearized about: they may vary from run to run.
     pub(super) varying: Vec<usize>,
     /// Pairs of candidates that these data cannot tell apart at all, the smaller first, with the one of them that was not in the
@@ -66,7 +64,6 @@ impl<'a> Search<'a> {
             position,
             log_prior,
             chosen: Vec::new(),
-            looked_at: BTreeSet::new(),
             varying: Vec::new(),
             identical: BTreeMap::new(),
         }
