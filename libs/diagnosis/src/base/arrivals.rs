@@ -19,7 +19,7 @@ pub(super) struct Arrivals {
 }
 
 impl Arrivals {
-    /// What later datagrams do at each block, of each joint by which the base moves more than the sensors' `noise`: m, m, rad.
+    /// What later datagrams do at each block, of each joint by which the base moves noticeably beside the sensors' `noise`: m, m, rad.
     pub(super) fn of_joints(
         plant: &Plant,
         time_s: f64,
