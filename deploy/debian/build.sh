@@ -4,6 +4,7 @@
 #             cargo build --release --workspace --features fss/parquet makes
 #   FOLDER    where the package goes; target/debian
 #   VERSION   that of Cargo.toml
+# DEB_LEVEL in the environment is how hard it compresses, 0 to 9; as dpkg-deb does by itself.
 set -eu
 here=$(cd "$(dirname "$0")/../.." && pwd)
 program=${1:-$here/target/release/fss}
@@ -71,5 +72,6 @@ sed -e "s/@VERSION@/$version/" -e "s/@ARCH@/$(dpkg --print-architecture)/" -e "s
 for script in postinst prerm postrm; do
     install -m 755 "$here/deploy/debian/$script" "$root/DEBIAN/$script"
 done
-dpkg-deb --root-owner-group --build "$root" "$folder/fss_${version}_$(dpkg --print-architecture).deb" >&2
+# shellcheck disable=SC2086
+dpkg-deb --root-owner-group ${DEB_LEVEL:+-z$DEB_LEVEL} --build "$root" "$folder/fss_${version}_$(dpkg --print-architecture).deb" >&2
 echo "$folder/fss_${version}_$(dpkg --print-architecture).deb"

@@ -3,7 +3,7 @@
 #   interfaces/python/build.sh OUT [--dev] [--no-extras] [--programs DIR]
 # --dev           builds without long optimising, as the tests do
 # --no-extras     leaves out fss-ground and fss-bridge
-# --programs DIR  takes the programs from a folder where they are built already
+# --programs DIR  takes the programs and libfss.so from a folder where they are built already
 # Needs Rust, a C compiler, and maturin (pip install maturin).
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
@@ -25,17 +25,16 @@ cd "$top"
 target=${CARGO_TARGET_DIR:-target}/$([ $profile = dev ] && echo debug || echo "$profile")
 if [ -z "$programs" ]; then
     # shellcheck disable=SC2086
-    cargo build --profile $profile -p fss --features fss/parquet $(printf -- '-p %s ' $extras)
+    cargo build --profile $profile -p fss -p fss-c --features fss/parquet $(printf -- '-p %s ' $extras)
     programs=$target
 fi
-cargo build --profile $profile -p fss-c
 rm -rf "$here/data" "$here"/fss/*.so
 mkdir -p "$here/data/scripts"
 for program in fss $extras; do
     install -m 755 "$programs/$program" "$here/data/scripts/$program"
 done
 # Services in Python call the same library as those in C.
-install -m 644 "$target/libfss.so" "$here/fss/libfss.so"
+install -m 644 "$programs/libfss.so" "$here/fss/libfss.so"
 strip --strip-debug "$here"/data/scripts/* "$here"/fss/libfss.so 2> /dev/null || true
 cd "$here"
 features=$([ $profile = dev ] && echo "--features as-tested" || true)
