@@ -218,9 +218,9 @@ fn an_empirical_law_predicts_other_runs() {
     let laws = answer["empirical"].as_array().expect("a law");
     let torque = laws.iter().find(|law| law["channel"] == "base_torque").expect("a torque");
     let frequency_hz = torque["frequency_Hz"].as_f64().unwrap();
-    assert!((frequency_hz / 0.3 - 1.0).abs() < 0.05, "{torque}");
+    assert!((frequency_hz / 0.3 - 1.0).abs() < 0.005, "{torque}");
     let [before, after] = ["ratio_before", "ratio_after"].map(|when| answer["gain"][when].as_f64().unwrap());
-    assert!(after < 0.9 * before, "{}", answer["gain"]);
+    assert!(after < 0.5 * before, "{}", answer["gain"]);
     // The extended model is a plant like another.
     let extended = flown.folder.path().join("out/extended.toml");
     assert!(std::fs::read_to_string(&extended).unwrap().contains("what is called unmodelled is empirical"));

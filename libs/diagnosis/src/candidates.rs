@@ -35,6 +35,8 @@ pub(crate) struct Candidate {
     pub(crate) prior: Prior,
     /// Value of the shape, of [`Response::Shape`]; of a spring the size of its coordinate that its columns are taken at.
     shape: f64,
+    /// Of a law in time: what lies between its frequency and those of its neighbours, Hz.
+    spacing: Option<f64>,
     /// Number of coordinates.
     pub(crate) size: usize,
     /// Whether it is a law that no known effect is.
@@ -131,17 +133,25 @@ impl Candidate {
         vec![self.nominal.clone().with(&values)]
     }
 
-    /// A law's coordinates are its strength, or the strengths of its cosine and sine, of a force along x, then y.
+    /// A law's coordinates are its strength, or the strengths of its cosine and sine, of a force along x, then y. Behind them its
+    /// frequency may stand, where that is not the candidate's own.
     fn law(&self, c: &[f64]) -> Vec<Effect> {
-        if c.len() == 1 {
-            return vec![self.nominal.clone().with(c)];
+        let (strengths, frequency) = c.split_at(self.size);
+        if self.size == 1 {
+            return vec![self.nominal.clone().with(strengths)];
         }
-        let part = |along: f64, cos: f64, sin: f64| {
-            let strength = cos.hypot(sin);
-            (strength > 0.0).then(|| self.nominal.clone().with(&[strength, self.shape, along, cos.atan2(sin)]))
+        let frequency = frequency.first().copied().unwrap_or(self.shape);
+        let part = |along: f64, c: &[f64]| {
+            let strength = c[0].hypot(c[1]);
+            (strength > 0.0).then(|| self.nominal.clone().with(&[strength, frequency, along, c[0].atan2(c[1])]))
         };
-        let second = (c.len() == 4).then(|| part(std::f64::consts::FRAC_PI_2, c[2], c[3])).flatten();
-        part(0.0, c[0], c[1]).into_iter().chain(second).collect()
+        let along = [0.0, std::f64::consts::FRAC_PI_2];
+        strengths.chunks(2).zip(along).filter_map(|(c, along)| part(along, c)).collect()
+    }
+
+    /// Frequencies of a law in time between which the likeliest is sought: those of its neighbours.
+    pub(crate) fn frequencies(&self) -> Option<[f64; 2]> {
+        self.spacing.map(|spacing| [self.shape - spacing, self.shape + spacing])
     }
 }
 
@@ -189,6 +199,7 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
         kind: kind.clone(),
         prior,
         shape,
+        spacing: None,
         size,
         is_law: false,
     };
@@ -212,6 +223,7 @@ fn joint_laws(plant: &Plant, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
             kind: "unmodelled joint_torque_by_rate".into(),
             prior: Prior::sized(&[typical], &[1e-3 * typical]),
             shape: 0.0,
+            spacing: None,
             size: 1,
             is_law: true,
         })
@@ -228,15 +240,17 @@ fn base_laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
         let typical = if is_force { 1.5e-3 * mass } else { 5e-3 * inertia };
         let size = if is_force { 4 } else { 2 };
         let prior = Prior::sized(&vec![typical; size], &vec![1e-3 * typical; size]);
-        let frequencies: Vec<f64> = match period {
-            Period::Run => (1..=HARMONICS).map(|k| k as f64 / (2.0 * duration_s)).collect(),
-            Period::Turn => TURNS.to_vec(),
+        let spacing = 1.0 / (2.0 * duration_s);
+        let (frequencies, spacing): (Vec<f64>, _) = match period {
+            Period::Run => ((1..=HARMONICS).map(|k| k as f64 * spacing).collect(), Some(spacing)),
+            Period::Turn => (TURNS.to_vec(), None),
         };
         all.extend(frequencies.into_iter().map(|shape| Candidate {
             nominal: nominal.clone(),
             kind: format!("unmodelled {channel}"),
             prior,
             shape,
+            spacing,
             size,
             is_law: true,
         }));

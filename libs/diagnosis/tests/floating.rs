@@ -71,6 +71,20 @@ fn waves_of_the_table_that_no_effect_describes_are_called_unexplained() {
     assert!(matches!(found.verdict, Verdict::Unexplained | Verdict::PartlyExplained), "{:?}", found.causes);
 }
 
+/// Its frequency is no multiple of any that the runs' lengths suggest. What a wrong frequency left over was once a heavier base.
+#[test]
+fn a_force_that_shakes_the_base_is_a_law_of_its_own_frequency_and_no_cause() {
+    let [size_n, frequency_hz] = [0.05, 0.4083];
+    let found =
+        diagnose(&plant(), &flights(Truth { shakes: [size_n, frequency_hz], ..Truth::default() }), &[], &|_| ());
+    let found = found.unwrap();
+    assert_eq!((found.verdict, found.causes.len()), (Verdict::Unexplained, 0), "{:?}", found.causes);
+    let along_x = found.laws.iter().find(|law| law.values()[2] == 0.0).expect("a law along x");
+    assert!((along_x.values()[0] / size_n - 1.0).abs() < 0.05, "{along_x:?}");
+    assert!((along_x.values()[1] - frequency_hz).abs() < 1e-3, "{along_x:?}");
+    assert!((found.gain.after - 1.0).abs() < 0.1, "{}", found.gain.after);
+}
+
 #[test]
 fn commands_of_another_run_are_told_from_weak_thrusters() {
     let found = diagnose(&plant(), &flights_with_borrowed_commands(), &[], &|_| ()).unwrap();

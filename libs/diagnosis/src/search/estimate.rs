@@ -50,6 +50,19 @@ impl ColumnsOfSet<'_> {
     }
 }
 
+/// Where the parabola through the highest of equally spaced values and its neighbours is highest, or that value where it ends the row.
+fn vertex(values: &[(f64, f64)]) -> f64 {
+    let highest = (0..values.len()).max_by(|a, b| values[*a].1.total_cmp(&values[*b].1)).unwrap_or(0);
+    let (Some((left, before)), Some((right, after))) =
+        (highest.checked_sub(1).map(|i| values[i]), values.get(highest + 1))
+    else {
+        return values[highest].0;
+    };
+    let bend = before + after - 2.0 * values[highest].1;
+    let shift = 0.25 * (right - left) * (before - after) / bend;
+    values[highest].0 + if bend < 0.0 { shift } else { 0.0 }
+}
+
 impl Search<'_> {
     fn columns_of<'a>(&'a self, uncertain: Linearized, set: &Found, model: &[Present]) -> Option<ColumnsOfSet<'a>> {
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
@@ -58,8 +71,9 @@ impl Search<'_> {
         Some(ColumnsOfSet { search: self, uncertain, present, parameters, position, slabs })
     }
 
-    /// The estimate of a set, stiffnesses that the model before does not have at their likeliest: what swings on a spring tells its
-    /// frequency, so that the likelihood has many maxima. `None` where a drive that does not give way is likelier than any.
+    /// The estimate of a set, stiffnesses and laws' frequencies that the model before does not have at their likeliest: what swings on
+    /// a spring tells its frequency, so that the likelihood has many maxima. `None` where a drive that does not give way is likelier
+    /// than any.
     pub(super) fn scanned(
         &self,
         about: &Linearized,
@@ -69,6 +83,15 @@ impl Search<'_> {
     ) -> Result<Option<Vec<Present>>, ModelError> {
         for at in 0..model.len() {
             let own = &self.problem.candidates[model[at].candidate];
+            if let Some(frequencies) = own.frequencies() {
+                let known = before.iter().find(|p| p.candidate == model[at].candidate);
+                let known = known.and_then(|p| p.coordinates.get(own.size).copied());
+                model[at].coordinates.push(known.unwrap_or(f64::midpoint(frequencies[0], frequencies[1])));
+                if known.is_none() {
+                    self.find_frequency(about, &mut model, (at, frequencies), set, hyper)?;
+                }
+                continue;
+            }
             if own.prior.response != Response::Inverse {
                 continue;
             }
@@ -97,6 +120,34 @@ impl Search<'_> {
         Ok(Some(model))
     }
 
+    /// Moves a law of the model to its likeliest frequency, by parabolas through the logarithm of the marginal likelihood.
+    fn find_frequency(
+        &self,
+        about: &Linearized,
+        model: &mut [Present],
+        (at, [lower, upper]): (usize, [f64; 2]),
+        set: &Found,
+        hyper: &[f64],
+    ) -> Result<(), ModelError> {
+        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else { return Ok(()) };
+        let size = self.problem.candidates[model[at].candidate].size;
+        let (mut middle, mut step) = (f64::midpoint(lower, upper), 0.25 * (upper - lower));
+        for halves in [2, 1] {
+            let mut values = Vec::new();
+            for k in -halves..=halves {
+                let frequency = middle + f64::from(k) * step;
+                model[at].coordinates[size] = frequency;
+                let point = columns.point(model, Slope::Secant, hyper)?;
+                let posterior = point.and_then(|point| point.posterior.of_set(&columns.slabs));
+                values.push((frequency, posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence)));
+            }
+            middle = vertex(&values);
+            step *= 0.125;
+        }
+        model[at].coordinates[size] = middle;
+        Ok(())
+    }
+
     /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves, with the columns that
     /// uncertain values have `about` a model near it.
     pub(super) fn polished(
@@ -112,7 +163,12 @@ impl Search<'_> {
         for _ in 0..steps {
             let Some(point) = columns.point(&model, Slope::Tangent, hyper)? else { break };
             let Some(posterior) = point.posterior.of_set(&columns.slabs) else { break };
-            let (now, deviations) = self.presented(set, &posterior);
+            let (mut now, deviations) = self.presented(set, &posterior);
+            for Present { candidate, coordinates } in &mut now {
+                // A law keeps its frequency.
+                let before = model.iter().find(|p| p.candidate == *candidate);
+                coordinates.extend(before.and_then(|p| p.coordinates.get(coordinates.len())));
+            }
             let still = Self::stands_still(&model, &now, &deviations);
             model = now;
             if still {
@@ -198,5 +254,20 @@ impl Search<'_> {
             })
         };
         before.len() == now.len() && now.iter().zip(deviations).all(|(now, sd)| close(now, sd))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parabola_is_highest_at_its_vertex_and_a_row_that_rises_at_its_end() {
+        let row = |of: &dyn Fn(f64) -> f64| {
+            (-2..=2).map(|k| 0.5 + 0.1 * f64::from(k)).map(|x| (x, of(x))).collect::<Vec<_>>()
+        };
+        assert!((vertex(&row(&|x| 3.0 - 7.0 * (x - 0.537).powi(2))) - 0.537).abs() < 1e-12);
+        assert_eq!(vertex(&row(&|x| x)), 0.7);
+        assert_eq!(vertex(&row(&|_| 1.0)), 0.7);
     }
 }

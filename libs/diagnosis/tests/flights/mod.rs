@@ -5,6 +5,7 @@ use fss_plant::Plant;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::TAU;
 use std::fmt::Write;
 
 const SEED: u64 = 11;
@@ -27,6 +28,8 @@ pub(crate) fn plant() -> Plant {
 pub(crate) struct Truth {
     pub(crate) drag_n_s_m: f64,
     pub(crate) waves_n: f64,
+    /// A force along x to and fro with the clock: size (N) and frequency (Hz).
+    pub(crate) shakes: [f64; 2],
     pub(crate) pressure_per_s: f64,
     /// Share of its thrust that the first thruster lacks.
     pub(crate) lacks: f64,
@@ -62,6 +65,7 @@ fn flight(name: &str, truth: Truth, seed: u64) -> Run {
             torque += thrust_n * (position[0] * direction[1] - position[1] * direction[0]);
         }
         force[0] += truth.waves_n * (8.0 * s[0]).sin() - truth.drag_n_s_m * s[3];
+        force[0] += truth.shakes[0] * (TAU * truth.shakes[1] * t_s).sin();
         force[1] -= truth.drag_n_s_m * s[4];
         let against = |size: f64, along: f64, speed: f64| size * along / speed.hypot(CREEP);
         (0..2).for_each(|i| force[i] -= against(truth.rubs[0], s[3 + i], s[3].hypot(s[4])));
