@@ -232,7 +232,7 @@ fn joint_laws(plant: &Plant, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
 }
 
 fn base_laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
-    let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
+    let (mass, inertia) = (plant.total_mass_kg(), plant.total_inertia_kg_m2());
     let mut all = Vec::new();
     for (channel, period) in LAWS {
         let Ok(nominal) = Effect::new("unmodelled").map(|e| e.on(channel)) else { continue };

@@ -104,6 +104,19 @@ impl Plant {
         self.base.mass_kg + self.links.iter().map(|l| l.mass_kg).sum::<f64>()
     }
 
+    /// Inertia of base and links about their centre of mass, the arm stretched out (kg m^2).
+    pub fn total_inertia_kg_m2(&self) -> f64 {
+        let [x, y] = self.base.joint1_xy_m;
+        let (mut reach_m, mut first, mut second) = (x.hypot(y), 0.0, self.base.inertia_kg_m2);
+        for link in &self.links {
+            let centre_m = reach_m + link.length_m - link.com_to_next_joint_m;
+            first += link.mass_kg * centre_m;
+            second += link.inertia_kg_m2 + link.mass_kg * centre_m.powi(2);
+            reach_m += link.length_m;
+        }
+        second - first.powi(2) / self.total_mass_kg()
+    }
+
     /// Thrust of one thruster at its full level, the mean of all (N).
     pub fn typical_thrust_n(&self) -> f64 {
         let count = self.thrusters.len();
@@ -148,5 +161,21 @@ impl Plant {
         let beyond: f64 = self.links[joint + 1..].iter().map(|l| l.mass_kg).sum();
         let arm = link.mass_kg * (link.length_m - link.com_to_next_joint_m) + beyond * link.length_m;
         arm.abs() * gx.hypot(gy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_base_and_a_link_turn_about_their_centre_of_mass() {
+        let mut plant = Plant::default_laboratory().unwrap_or_else(|error| panic!("{error}"));
+        plant.links.truncate(1);
+        (plant.base.mass_kg, plant.base.inertia_kg_m2, plant.base.joint1_xy_m) = (3.0, 0.5, [0.3, 0.4]);
+        let link = &mut plant.links[0];
+        (link.length_m, link.com_to_next_joint_m, link.mass_kg, link.inertia_kg_m2) = (1.9, 0.4, 1.0, 0.1);
+        // 2 m apart, of reduced mass 3/4 kg.
+        assert!((plant.total_inertia_kg_m2() - (0.5 + 0.1 + 0.75 * 4.0)).abs() < 1e-12);
     }
 }
