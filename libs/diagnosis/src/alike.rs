@@ -1,8 +1,9 @@
-//! Causes that these data cannot tell apart at all: what one does, the other does with another size.
+//! Causes that these data cannot tell apart at all: what one does, or some do together, another does with another size.
 
 use crate::problem::{Linearized, Present, Problem, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
+use nalgebra::{Cholesky, DVector};
 use rayon::prelude::*;
 
 /// Actions whose cosine, whitened, is beyond this are one and the same.
@@ -16,38 +17,45 @@ const SIZING_STEPS: usize = 4;
 type Predictions = Vec<Vec<f64>>;
 
 impl Problem {
-    /// Candidates that can do what a cause of the model does, each at the coordinates at which it does.
+    /// Candidates that can do what these causes of the model do together, each at the coordinates at which it does: of as many
+    /// coordinates as one cause, of fewer than several.
     pub(crate) fn acting_alike(
         &self,
         linearized: &Linearized,
         hyper: &[f64],
         model: &[Present],
-        present: &Present,
+        causes: &[usize],
     ) -> Result<Vec<(usize, Vec<f64>)>, ModelError> {
-        let own = present.candidate;
-        let base: Vec<usize> = self.parameters_of(own).collect();
+        let is_meant = |p: &&Present| causes.contains(&p.candidate);
+        let (base, sizes): (Vec<usize>, Vec<f64>) = model
+            .iter()
+            .filter(is_meant)
+            .flat_map(|p| self.parameters_of(p.candidate).zip(p.coordinates.iter().copied()))
+            .unzip();
         let Some(products) = self.products(linearized, &[hyper.to_vec()], &base).pop() else {
             return Ok(Vec::new());
         };
-        let rest: Vec<Present> = model.iter().filter(|p| p.candidate != own).cloned().collect();
+        let rest: Vec<Present> = model.iter().filter(|p| !is_meant(p)).cloned().collect();
         let (without, with) = (self.predictions(&rest)?, self.predictions(model)?);
         let action = |of: &Predictions| -> Predictions {
             of.iter().zip(&without).map(|(with, without)| difference(with, without, 1.0)).collect()
         };
         let mine = action(&with);
+        // Products of their linearized action with every column.
+        let sizes = DVector::from_vec(sizes);
+        let with_all = products.with_base.rows(1, base.len()).tr_mul(&sizes);
+        let square: f64 = base.iter().zip(&sizes).map(|(p, size)| size * with_all[p + 1]).sum();
+        let is_as_simple = |size: usize| if causes.len() == 1 { size == base.len() } else { size < base.len() };
         let mut out = Vec::new();
-        let others = (0..self.candidates.len()).filter(|c| *c != own && !self.candidates[*c].is_law);
-        for other in others.filter(|c| self.candidates[*c].size == base.len()) {
-            let first = self.parameters_of(other).start;
-            let sized = |i: usize| {
-                let (cross, a, b) = (
-                    products.with_base[(i + 1, first + i + 1)],
-                    products.with_base[(i + 1, base[i] + 1)],
-                    products.own[other][(i, i)],
-                );
-                (cross.abs() > ALIKE * (a * b).sqrt()).then(|| present.coordinates[i] * cross / b)
-            };
-            let Some(mut coordinates) = (0..base.len()).map(sized).collect::<Option<Vec<f64>>>() else { continue };
+        let others = (0..self.candidates.len()).filter(|c| !causes.contains(c) && !self.candidates[*c].is_law);
+        for other in others.filter(|c| is_as_simple(self.candidates[*c].size)) {
+            let own = self.parameters_of(other);
+            let cross = with_all.rows(own.start + 1, own.len()).into_owned();
+            let Some(sized) = Cholesky::new(products.own[other].clone()).map(|c| c.solve(&cross)) else { continue };
+            if cross.dot(&sized) < ALIKE * ALIKE * square {
+                continue;
+            }
+            let mut coordinates = sized.as_slice().to_vec();
             // Actions are not in proportion to sizes: the size that fits best is found in a few steps.
             for _ in 0..SIZING_STEPS {
                 let mut replaced = rest.clone();

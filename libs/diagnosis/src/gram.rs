@@ -27,16 +27,17 @@ impl Prepared {
 }
 
 impl Problem {
-    /// The Gram matrix of some parameters at values of the hyper-parameters, the variation from run to run integrated out.
+    /// The Gram matrix of some parameters at values of the hyper-parameters, the variation of causes of these sizes from run to run
+    /// integrated out.
     pub(crate) fn gram(
         &self,
-        linearized: &Linearized,
+        (linearized, size): (&Linearized, &[f64]),
         hyper: &[f64],
         parameters: &[usize],
         cache: &GramCache,
     ) -> Option<Gram> {
         let runs = self.constant_grams(linearized, hyper, parameters, cache);
-        varied_about_mean(&runs, &variation(linearized, hyper, parameters)?)
+        varied_about_mean(&runs, &variation(size, hyper, parameters)?)
     }
 
     /// The same of each run that has any block, alone.
@@ -47,7 +48,7 @@ impl Problem {
         parameters: &[usize],
         cache: &GramCache,
     ) -> Option<Vec<Gram>> {
-        let sd = variation(linearized, hyper, parameters)?;
+        let sd = variation(&linearized.size, hyper, parameters)?;
         self.constant_grams(linearized, hyper, parameters, cache).into_iter().map(|own| varied(own, &sd)).collect()
     }
 
@@ -94,9 +95,9 @@ impl Problem {
 }
 
 /// Standard deviation by which each parameter varies from run to run.
-fn variation(linearized: &Linearized, hyper: &[f64], parameters: &[usize]) -> Option<Vec<f64>> {
+fn variation(size: &[f64], hyper: &[f64], parameters: &[usize]) -> Option<Vec<f64>> {
     let share = *hyper.last()?;
-    Some(parameters.iter().map(|p| share * linearized.size[*p]).collect())
+    Some(parameters.iter().map(|p| share * size[*p]).collect())
 }
 
 /// What is kept of a linearization and a choice of parameters: each block's columns, and its Gram matrices that were asked for

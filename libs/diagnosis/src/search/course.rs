@@ -77,6 +77,7 @@ pub(crate) fn search<'a>(
         let best = sets[0].clone();
         match course.estimated(&best)? {
             Next::Another => {}
+            Next::Larger(_) | Next::End(_) if course.does_with_fewer()? => {}
             Next::Larger(model) => {
                 if is_tuned_otherwise(&course.standing(&best, &model))? {
                     return Ok(course.ended(sets, model));
@@ -135,11 +136,11 @@ impl<'a> Course<'a> {
     /// A round's sets, most probable first.
     fn sets(&mut self) -> Result<Vec<Found>, ModelError> {
         self.round += 1;
+        self.search.varying = self.now.model.iter().map(|p| p.candidate).collect();
         if !self.is_seen {
             self.look()?;
         }
-        let (search, now) = (&mut self.search, &self.now);
-        search.varying = now.model.iter().map(|p| p.candidate).collect();
+        let (search, now) = (&self.search, &self.now);
         let sets = search.beam(&self.points, self.largest);
         let promising = if self.is_seen { 1 } else { PROMISING };
         if search.add_optima(&now.linearized, &now.model, &sets, promising, &mut self.points) {
@@ -200,6 +201,36 @@ impl<'a> Course<'a> {
         }
         self.is_seen = still;
         Ok(if still { Next::Larger(model) } else { Next::About(model) })
+    }
+
+    /// Goes on with one cause in the place of two that do together what it does, where that is more probable. About the two, its column
+    /// does not tell: what it does need not be in proportion.
+    fn does_with_fewer(&mut self) -> Result<bool, ModelError> {
+        let (problem, model) = (self.search.problem, self.now.model.clone());
+        let is_law = |c: usize| problem.candidates[c].is_law;
+        let causes: Vec<usize> = model.iter().map(|p| p.candidate).filter(|c| !is_law(*c)).collect();
+        let pairs = (1..causes.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+        for two in pairs.map(|(a, b)| [causes[a], causes[b]]) {
+            for (candidate, coordinates) in problem.acting_alike(&self.now.linearized, &self.now.hyper, &model, &two)? {
+                let mut fewer: Vec<Present> = model.iter().filter(|p| !two.contains(&p.candidate)).cloned().collect();
+                fewer.push(Present { candidate, coordinates });
+                let set = self.search.set_of(&fewer);
+                if !self.visited.insert(key(&set)) {
+                    continue;
+                }
+                let kept = std::mem::take(&mut self.now.linearized);
+                let about = self.search.about(fewer, &set, &self.now.hyper, kept)?;
+                if about.log_posterior > self.now.log_posterior {
+                    self.take(about, &set)?;
+                    (self.again, self.is_seen) = (0, false);
+                    return Ok(true);
+                }
+                let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
+                self.now.linearized =
+                    problem.linearized(&model, Slope::Secant, &present, Kept::Causes(about.linearized))?;
+            }
+        }
+        Ok(false)
     }
 
     fn go_on_to_larger(&mut self, model: Vec<Present>) {
@@ -264,6 +295,27 @@ fn key(set: &Found) -> Vec<usize> {
 }
 
 impl Search<'_> {
+    /// The set of a model's causes, each in the class in which its coordinates are most probable.
+    fn set_of(&self, model: &[Present]) -> Found {
+        let likeliest = |p: &Present| {
+            let own = &self.problem.candidates[p.candidate];
+            let density = |class: usize| -> f64 {
+                let of = |(i, value): (usize, &f64)| {
+                    let (mean, sd) = own.prior_in(class, i);
+                    -0.5 * ((value - mean) / sd).powi(2) - sd.ln()
+                };
+                p.coordinates.iter().take(own.size).enumerate().map(of).sum()
+            };
+            (0..own.classes()).max_by(|a, b| density(*a).total_cmp(&density(*b))).unwrap_or(0)
+        };
+        Found {
+            causes: model.iter().map(|p| p.candidate).collect(),
+            classes: model.iter().map(likeliest).collect(),
+            log_likelihood: 0.0,
+            log_posterior: 0.0,
+        }
+    }
+
     /// Linearizes about a model of a set; columns of causes that it does not have stay.
     fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], kept: Linearized) -> Result<About, ModelError> {
         let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);

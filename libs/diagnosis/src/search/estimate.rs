@@ -199,7 +199,7 @@ impl Search<'_> {
     ) -> Result<(), ModelError> {
         for present in model.iter().filter(|p| !self.problem.candidates[p.candidate].is_law) {
             let own = present.candidate;
-            let alike = self.problem.acting_alike(linearized, hyper, model, present)?;
+            let alike = self.problem.acting_alike(linearized, hyper, model, &[own])?;
             self.identical.extend(alike.into_iter().map(|(other, at)| ((own.min(other), own.max(other)), (other, at))));
         }
         Ok(())

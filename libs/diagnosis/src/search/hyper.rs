@@ -57,10 +57,40 @@ impl Search<'_> {
         parameters: &[usize],
         cache: &GramCache,
     ) -> Option<HyperPoint> {
+        self.point_of((linearized, &linearized.size), hyper, parameters, cache)
+    }
+
+    /// The same where causes of these sizes vary from run to run.
+    fn point_of(
+        &self,
+        linearized: (&Linearized, &[f64]),
+        hyper: &[f64],
+        parameters: &[usize],
+        cache: &GramCache,
+    ) -> Option<HyperPoint> {
         let gram = self.problem.gram(linearized, hyper, parameters, cache)?;
         let spikes: Vec<f64> = parameters.iter().map(|p| self.problem.spikes[*p]).collect();
         let posterior = SpikePosterior::new(&gram, &spikes)?;
-        Some(HyperPoint { hyper: hyper.to_vec(), log_prior: self.log_prior_of(hyper), posterior })
+        Some(HyperPoint { hyper: hyper.to_vec(), log_prior: self.log_prior_of(hyper), varying: None, posterior })
+    }
+
+    /// Everything that follows from the data at these hyper-parameters: for each set of causes that may vary from run to run, of those
+    /// of the model, where any does.
+    fn points_at(&self, linearized: &Linearized, hyper: &[f64], cache: &GramCache) -> Vec<HyperPoint> {
+        if hyper.last().is_none_or(|variation| *variation <= VARIATIONS[0] * 1.001) {
+            return self.point(linearized, hyper, &self.parameters, cache).into_iter().collect();
+        }
+        let with = |subset: u32| {
+            let is_in = |(i, c): (usize, &usize)| (subset >> i & 1 == 1).then_some(*c);
+            let varying: Vec<usize> = self.varying.iter().enumerate().filter_map(is_in).collect();
+            let mut size = vec![0.0; linearized.size.len()];
+            for p in varying.iter().flat_map(|c| self.problem.parameters_of(*c)) {
+                size[p] = linearized.size[p];
+            }
+            let point = self.point_of((linearized, &size), hyper, &self.parameters, cache)?;
+            Some(HyperPoint { varying: Some(varying), ..point })
+        };
+        (0..1 << self.varying.len()).filter_map(with).collect()
     }
 
     /// Hyper-parameters that suit a set best, from `start`; only the set's own columns and the uncertain values play a part.
@@ -176,7 +206,7 @@ impl Search<'_> {
             }
         }
         let cache = GramCache::default();
-        kept.iter().filter_map(|hyper| self.point(linearized, hyper, &self.parameters, &cache)).collect()
+        kept.iter().flat_map(|hyper| self.points_at(linearized, hyper, &cache)).collect()
     }
 
     /// Adds the optima of the sets that promise most beyond the present model, in the hyper-parameters that their causes bear on.
@@ -197,7 +227,7 @@ impl Search<'_> {
             let hyper = self.optimized(linearized, &set.causes, &set.classes, &start, Reach::NEAR, |family, h| {
                 h.strength_of.is_some() && families.contains(&family)
             });
-            points.extend(self.point(linearized, &hyper, &self.parameters, &GramCache::default()));
+            points.extend(self.points_at(linearized, &hyper, &GramCache::default()));
         }
         !promising.is_empty()
     }

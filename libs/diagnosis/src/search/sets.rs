@@ -1,6 +1,6 @@
 //! Sets of causes: their prior, their marginal likelihood, and the beam search over them.
 
-use super::space::{Found, HyperPoint, Search, VARIATIONS};
+use super::space::{Found, HyperPoint, Search};
 use fss_estimation::evidence::{SetPosterior, Slab};
 use fss_plant::Response;
 use rayon::prelude::*;
@@ -38,9 +38,9 @@ impl Search<'_> {
         let weight: f64 = causes.iter().map(|c| (self.classes(*c) as f64).ln()).sum();
         let mut best = (f64::NEG_INFINITY, 0);
         // What is absent does not vary, or variation could stand for the cause itself.
-        let may_vary = self.varying.iter().all(|c| causes.contains(c));
-        let varies = |point: &HyperPoint| point.hyper.last().is_some_and(|v| *v > VARIATIONS[0] * 1.001);
-        for (i, point) in points.iter().enumerate().filter(|(_, p)| may_vary || !varies(p)) {
+        let own: Vec<usize> = self.varying.iter().copied().filter(|c| causes.contains(c)).collect();
+        let suits = |point: &HyperPoint| point.varying.as_ref().is_none_or(|varying| *varying == own);
+        for (i, point) in points.iter().enumerate().filter(|(_, p)| suits(p)) {
             let found =
                 point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior - weight);
             if found > best.0 {

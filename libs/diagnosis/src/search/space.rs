@@ -28,6 +28,8 @@ pub(crate) struct Search<'a> {
 pub(crate) struct HyperPoint {
     pub(crate) hyper: Vec<f64>,
     pub(super) log_prior: f64,
+    /// Causes that vary from run to run, of those that the search says may; `None` where none varies by anything.
+    pub(super) varying: Option<Vec<usize>>,
     pub(crate) posterior: SpikePosterior,
 }
 
