@@ -60,13 +60,21 @@ pub struct BaseBlock {
     plant: Plant,
     nominal: Arc<About>,
     /// About what everything is linearized; `None` until it is known.
-    present: Mutex<Option<Arc<About>>>,
+    present: Mutex<Option<Present>>,
     driven_otherwise: Mutex<DrivenOtherwise>,
 }
 
 /// What the rows change by on other drives than those that everything is linearized about: these, the others, the rows. It hardly hangs
 /// on what else acts.
 type DrivenOtherwise = Vec<([Vec<Drive>; 2], Option<Arc<Vec<f64>>>)>;
+
+/// About what everything is linearized.
+#[derive(Clone)]
+struct Present {
+    about: Arc<About>,
+    /// Reading of the gyro over the rate of the base: deviations of the motion show in it so, too.
+    gyro_scale: f64,
+}
 
 /// A plant, its effects, and what is linearized about them.
 struct About {
@@ -184,14 +192,14 @@ impl BaseBlock {
         }))
     }
 
-    fn present(&self) -> MutexGuard<'_, Option<Arc<About>>> {
+    fn present(&self) -> MutexGuard<'_, Option<Present>> {
         self.present.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// What a plant with effects is about which everything is linearized.
     fn about(&self, plant: &Plant, effects: &[Effect]) -> Result<Arc<About>, ModelError> {
-        if let Some(about) = &*self.present() {
-            return Ok(about.clone());
+        if let Some(present) = &*self.present() {
+            return Ok(present.about.clone());
         }
         let is_nominal =
             servo_response::answer_alike(plant, effects, &self.plant) || datagrams(plant, &self.run).is_none();
@@ -202,7 +210,8 @@ impl BaseBlock {
             let encoders = EncoderPath::smoothed(&self.run, &plant, self.pose.grid, &self.answers);
             Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
         };
-        *self.present() = Some(about.clone());
+        let gyro_scale = Physics::with(plant, effects).sensors.gyro_scale;
+        *self.present() = Some(Present { about: about.clone(), gyro_scale });
         Ok(about)
     }
 }
@@ -250,8 +259,10 @@ impl Block for BaseBlock {
     }
 
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
-        let present = self.present().clone();
-        present.as_ref().unwrap_or(&self.nominal).noise.whiten(hyper, columns)
+        match self.present().clone() {
+            Some(Present { about, gyro_scale }) => about.noise.whiten(hyper, gyro_scale, columns),
+            None => self.nominal.noise.whiten(hyper, self.plant.sensors.gyro_scale, columns),
+        }
     }
 
     fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {

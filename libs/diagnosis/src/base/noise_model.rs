@@ -111,8 +111,9 @@ impl NoiseModel {
         self.arrivals.iter().enumerate().map(move |(i, arrivals)| (first + ARRIVAL * i, arrivals))
     }
 
-    /// Whitens columns with the model at these values of the hyper-parameters; the logarithm of the determinant.
-    pub(super) fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
+    /// Whitens columns with the model at these values of the hyper-parameters, where the gyro reads `gyro_scale` times the rate; the
+    /// logarithm of the determinant.
+    pub(super) fn whiten(&self, hyper: &[f64], gyro_scale: f64, columns: &mut Columns) -> f64 {
         let h = Hyper::of(hyper);
         let n = self.states();
         let mut filter = Whitener::new(n, &self.initial(&h), columns);
@@ -131,18 +132,21 @@ impl NoiseModel {
                     0 => (0, 1.0),
                     1 => (2, 1.0),
                     2 => (4, 1.0),
-                    _ => (5, 1.0 / moment.2),
+                    _ => (5, gyro_scale / moment.2),
                 });
                 match channel {
                     0 | 1 if self.arm.is_some() => states.push((10 + channel, shift_sd)),
-                    3 if self.arm.is_some() => states.push((9, -momentum_sd / moment.2)),
+                    3 if self.arm.is_some() => states.push((9, -gyro_scale * momentum_sd / moment.2)),
                     _ => {}
                 }
                 for (u, arrivals) in self.each_arrivals() {
                     let moved = arrivals.moved[block];
                     match channel {
                         0..=2 => states.push((u + 1, moved[channel])),
-                        _ => states.extend([(u, moved[2] / arrivals.lag_s), (u + 1, -moved[2] / arrivals.lag_s)]),
+                        _ => {
+                            let rate = gyro_scale * moved[2] / arrivals.lag_s;
+                            states.extend([(u, rate), (u + 1, -rate)]);
+                        }
                     }
                 }
                 if channel == 3 && self.gyro_walk > 0.0 {
