@@ -2,7 +2,7 @@
 
 use crate::servo_response::elasticity;
 use fss_plant::effects::catalogue;
-use fss_plant::{Effect, EffectKind, Index, Physics, Plant, Prior, Response, SLAB_WIDTHS, effects};
+use fss_plant::{Effect, EffectKind, Index, Place, Physics, Plant, Prior, Response, SLAB_WIDTHS, effects};
 
 /// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
 const LAWS: [(&str, Period); 3] =
@@ -93,7 +93,8 @@ impl Candidate {
         if self.prior.response == Response::Inverse {
             return self.shape;
         }
-        let typical = SLAB_WIDTHS[0] * self.prior.typical[coordinate];
+        let is_sized = self.prior.response == Response::Linear && self.shape > 0.0 && !self.is_law;
+        let typical = if is_sized { self.shape } else { SLAB_WIDTHS[0] * self.prior.typical[coordinate] };
         if self.bounds(coordinate)[1] < typical { -typical } else { typical }
     }
 
@@ -204,6 +205,10 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
         is_law: false,
     };
     match prior.response {
+        // What a shift in time does is in proportion to it only while the motion is even.
+        Response::Linear if effect.about().place == Place::Time && effect.values().len() == 1 => {
+            SLAB_WIDTHS.iter().map(|width| one(1, width * prior.typical[0])).collect()
+        }
         Response::Linear | Response::Strength => vec![one(effect.values().len(), 0.0)],
         Response::Shape(values) => values.iter().map(|value| one(1, *value)).collect(),
         Response::Inverse if swing => OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect(),

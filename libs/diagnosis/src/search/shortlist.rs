@@ -1,9 +1,9 @@
 //! The candidates that a round of the search looks at.
 
 use super::space::Search;
-use crate::problem::{Linearized, Present};
+use crate::problem::{Linearized, Present, is_same};
 use fss_estimation::evidence::Slab;
-use fss_plant::SLAB_WIDTHS;
+use fss_plant::{Response, SLAB_WIDTHS};
 use std::collections::HashMap;
 
 /// Strengths that all candidates are looked at first, and how many of them the search goes on with; of a law, so many shapes.
@@ -52,12 +52,18 @@ impl Search<'_> {
         let value = |c: usize| best[c] + self.log_prior[c];
         let mut order: Vec<usize> = (0..best.len()).filter(|c| is_among(*c) && best[*c] > f64::NEG_INFINITY).collect();
         order.sort_by(|a, b| value(*b).total_cmp(&value(*a)).then(a.cmp(b)));
+        // Of columns at several sizes the one that explains most.
+        let is_sized_otherwise = |c: usize, chosen: &[usize]| {
+            let own = &problem.candidates[c];
+            let is_same = |o: &usize| is_same(&problem.candidates[*o].nominal, &own.nominal);
+            own.prior.response == Response::Linear && chosen.iter().any(is_same)
+        };
         let mut chosen: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let mut of_kind: HashMap<&str, usize> = HashMap::new();
         for c in order {
             let shapes = of_kind.entry(&problem.candidates[c].kind).or_default();
             let room = if problem.candidates[c].is_law { SHAPES } else { OF_A_KIND };
-            if chosen.len() < SHORTLIST && !chosen.contains(&c) && *shapes < room {
+            if chosen.len() < SHORTLIST && !chosen.contains(&c) && *shapes < room && !is_sized_otherwise(c, &chosen) {
                 *shapes += 1;
                 chosen.push(c);
             }
