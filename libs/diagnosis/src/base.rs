@@ -27,7 +27,7 @@ mod thrust_errors;
 use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives};
+use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives, link_ages_s};
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
@@ -170,7 +170,8 @@ impl BaseBlock {
         let longest_s = if datagrams(plant, run).is_some() { SERVO_CELL_S } else { LONGEST_CELL_S };
         let grid = TimeGrid::over(first, last, cell_s(&samples).min(longest_s));
         let pose = PosePath::smoothed(&samples.block_times(), &samples.block_poses(), samples.block_sd(), grid);
-        let encoders = EncoderPath::smoothed(run, plant, grid, answers);
+        let ages_s = link_ages_s(&Physics::with(plant, &plant.effects));
+        let encoders = EncoderPath::smoothed(run, (plant, &ages_s), grid, answers);
         // A drive follows its command to hundredths of a radian, which the base notices: such a run tells nothing.
         if encoders.moves_unseen {
             return Ok(None);
@@ -201,16 +202,18 @@ impl BaseBlock {
         if let Some(present) = &*self.present() {
             return Ok(present.about.clone());
         }
-        let is_nominal =
-            servo_response::answer_alike(plant, effects, &self.plant) || datagrams(plant, &self.run).is_none();
-        let about = if is_nominal {
+        let (physics, nominal) = (Physics::with(plant, effects), Physics::with(&self.plant, &self.plant.effects));
+        let ages_s = link_ages_s(&physics);
+        let is_shown_alike =
+            ages_s == link_ages_s(&nominal) && servo_response::answer_alike(plant, effects, &self.plant);
+        let about = if is_shown_alike || datagrams(plant, &self.run).is_none() {
             self.nominal.clone()
         } else {
             let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
-            let encoders = EncoderPath::smoothed(&self.run, &plant, self.pose.grid, &self.answers);
+            let encoders = EncoderPath::smoothed(&self.run, (&plant, &ages_s), self.pose.grid, &self.answers);
             Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
         };
-        let gyro_scale = Physics::with(plant, effects).sensors.gyro_scale;
+        let gyro_scale = physics.sensors.gyro_scale;
         *self.present() = Some(Present { about: about.clone(), gyro_scale });
         Ok(about)
     }

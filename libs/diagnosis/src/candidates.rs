@@ -2,7 +2,7 @@
 
 use crate::servo_response::elasticity;
 use fss_plant::effects::catalogue;
-use fss_plant::{Effect, EffectKind, Index, Place, Physics, Plant, Prior, Response, SLAB_WIDTHS, effects};
+use fss_plant::{Effect, EffectKind, Index, Physics, Place, Plant, Prior, Response, SLAB_WIDTHS, effects};
 
 /// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
 const LAWS: [(&str, Period); 3] =

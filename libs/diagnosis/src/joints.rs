@@ -32,7 +32,7 @@ mod track;
 
 use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike};
-use crate::servo_response::{self, Answers, Elasticity, Swing, datagrams, elasticity};
+use crate::servo_response::{self, Answers, Elasticity, Swing, datagrams, elasticity, link_ages_s};
 use driven::Anchor;
 use fss_estimation::Columns;
 use fss_experiments::measured::Run;
@@ -100,7 +100,8 @@ struct Present {
     breakaway_n_m: Vec<f64>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
-    /// The path where servos answer otherwise than the nominal plant's, for drives are elastic; `None` where they do not.
+    /// The path where servos answer otherwise than the nominal plant's, for drives are elastic, or telemetry is of another age; `None`
+    /// where neither is so.
     path: Option<MeasuredPath>,
 }
 
@@ -112,7 +113,8 @@ pub fn joint_block(plant: &Plant, run: &Run) -> Option<JointBlock> {
 
 /// The same, with answers of servos that other channels of the run share.
 pub(crate) fn joint_block_with(plant: &Plant, run: &Run, answers: &Arc<Answers>) -> Option<JointBlock> {
-    let path = MeasuredPath::new(plant, run, answers)?;
+    let ages_s = link_ages_s(&Physics::with(plant, &plant.effects));
+    let path = MeasuredPath::new((plant, &ages_s), run, answers)?;
     let mut rows = rows::rows(plant, run, &path);
     let tells = |row: &Row| !matches!(row.kind, Kind::Angle(_) | Kind::Rate(_));
     if rows::moments(&rows).len() < FEWEST_MOMENTS || !rows.iter().any(tells) {
@@ -259,9 +261,13 @@ impl JointBlock {
         let physics = Physics::with(plant, effects);
         let is_elastic = elasticity(&physics).iter().any(Elasticity::is_elastic);
         let answers = is_elastic && !servo_response::answer_alike(plant, effects, &self.plant);
-        let path = if answers && datagrams(plant, &self.run).is_some() {
-            let moving = servo_response::with_exactly(plant, &servo_response::moving(effects));
-            MeasuredPath::new(&moving, &self.run, &self.answers)
+        let ages_s = link_ages_s(&physics);
+        let is_late = ages_s != link_ages_s(&Physics::with(&self.plant, &self.plant.effects));
+        let path = if (answers || is_late) && datagrams(plant, &self.run).is_some() {
+            let answering = if answers { plant } else { &self.plant };
+            let effects = if answers { servo_response::moving(effects) } else { self.plant.effects.clone() };
+            let moving = servo_response::with_exactly(answering, &effects);
+            MeasuredPath::new((&moving, &ages_s), &self.run, &self.answers)
         } else {
             None
         };

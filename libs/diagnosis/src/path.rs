@@ -134,7 +134,8 @@ impl EncoderPath {
     /// Between two reports a joint deviates smoothly from what it follows; without reports it follows that.
     /// What it follows is what the plant's servos make of the datagrams that they got, or where there are none the command, the
     /// servo's mean lag taken off.
-    pub(crate) fn smoothed(run: &Run, plant: &Plant, grid: TimeGrid, answers: &Answers) -> Self {
+    /// Telemetry shows it late by each link's age, s, which smoothing a motion that it does not show would mistake for another motion.
+    pub(crate) fn smoothed(run: &Run, (plant, ages_s): (&Plant, &[f64]), grid: TimeGrid, answers: &Answers) -> Self {
         let edges = grid.edges_s();
         let response = datagrams(plant, run).and_then(|c| answers.response(plant, c, &edges).ok());
         let (sensors, joints) = (&plant.sensors, plant.link_count());
@@ -153,7 +154,8 @@ impl EncoderPath {
             let told = |t: f64| run.joint_command.as_ref().and_then(|c| command_at(c, joint, t)).unwrap_or([0.0; 2]);
             let simulated = path.response.as_ref().map(|response| &response.nominal[joint]);
             let lag_s = if simulated.is_some() { 0.0 } else { servo_lag_s(run, joint, &told) };
-            let command = |t: f64| simulated.map_or_else(|| told(t - lag_s), |nodes| grid.between(nodes, t));
+            let age_s = ages_s[joint];
+            let command = |t: f64| simulated.map_or_else(|| told(t - lag_s), |nodes| grid.between(nodes, t - age_s));
             let telemetry = JointTelemetry::new(reports(run, joint, sensors, &command), &edges);
             let beside = telemetry.as_ref().map(|t| (t.path(), t.variances()));
             for (k, t) in edges.iter().enumerate() {

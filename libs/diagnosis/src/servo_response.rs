@@ -163,6 +163,11 @@ pub(crate) fn answer_alike(plant: &Plant, effects: &[Effect], other: &Plant) -> 
     with_exactly(plant, &other.effects) == *other && moving(effects) == moving(&other.effects)
 }
 
+/// How much older each link's telemetry is than its stamps say, s.
+pub(crate) fn link_ages_s(physics: &Physics) -> Vec<f64> {
+    (0..physics.links.len()).map(|i| physics.sensors.link_age_s(i)).collect()
+}
+
 /// A plant with exactly these effects.
 pub(crate) fn with_exactly(plant: &Plant, effects: &[Effect]) -> Plant {
     Plant { effects: effects.to_vec(), ..plant.clone() }

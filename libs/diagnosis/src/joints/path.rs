@@ -4,6 +4,7 @@ use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
 use crate::servo_response::{ARRIVAL_SD_S, Answers, Nodes, datagrams};
 use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
+use fss_experiments::commands::Commands;
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_multibody::JointVector;
 use fss_plant::{Plant, Sensors};
@@ -43,8 +44,9 @@ pub(super) struct MeasuredPath {
 }
 
 impl MeasuredPath {
-    /// The path of a plant's joints; `None` where not every joint has an angle or a rate.
-    pub(super) fn new(plant: &Plant, run: &Run, answers: &Answers) -> Option<Self> {
+    /// The path of a plant's joints, whose telemetry is so much older than its stamps say, s; `None` where not every joint has an angle
+    /// or a rate.
+    pub(super) fn new((plant, ages_s): (&Plant, &[f64]), run: &Run, answers: &Answers) -> Option<Self> {
         let (links, sensors) = (plant.link_count(), &plant.sensors);
         let joints = run.joints.as_ref()?;
         let (start_s, end_s) = (*joints.t_s.first()?, *joints.t_s.last()?);
@@ -59,11 +61,18 @@ impl MeasuredPath {
             return None;
         }
         let track = |nodes: Nodes| Track::new(start_s, NODE_S, nodes);
-        let response = datagrams(plant, run).and_then(|c| answers.response(plant, c, &grid_s).ok());
+        let shown = |commands: &Commands| -> Option<Vec<Nodes>> {
+            let of = |i: usize| {
+                let times_s: Vec<f64> = grid_s.iter().map(|t_s| t_s - ages_s[i]).collect();
+                Some(answers.response(plant, commands, &times_s).ok()?.nominal.swap_remove(i))
+            };
+            (0..links).map(of).collect()
+        };
+        let response = datagrams(plant, run).and_then(shown);
         let is_told_by_datagrams = response.is_some();
         let command = run.joint_command.as_ref().filter(|c| c.values.len() >= links && c.t_s.len() > 3);
         let follow = |c: &Many| (0..links).map(|i| followed(c, i, &readings[i], &grid_s)).collect();
-        let expected: Option<Vec<Nodes>> = response.map(|r| r.nominal).or_else(|| command.map(follow));
+        let expected: Option<Vec<Nodes>> = response.or_else(|| command.map(follow));
         let reference = expected.map(|joints| joints.into_iter().map(track).collect());
         let (joints, rate_sd) = (Vec::new(), Vec::new());
         let mut path = Self {
