@@ -7,7 +7,7 @@ use crate::problem::{Problem, is_same};
 use crate::scores::Scores;
 use crate::search::{Found, Searched};
 use fss_estimation::evidence::SetPosterior;
-use fss_plant::{Effect, Response};
+use fss_plant::{Effect, Place, Response};
 
 /// Posterior probability from which a cause, or one of its alternatives, is asserted.
 pub const ASSERTED: f64 = 0.9;
@@ -159,7 +159,15 @@ fn alternatives(
         }
     }
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    all
+    // An effect whose action was taken at several sizes is told once.
+    let mut told: Vec<Alternative> = Vec::new();
+    for alternative in all {
+        let is_told = |other: &Alternative| is_same(&other.effect, &alternative.effect);
+        if alternative.effect.about().place != Place::Time || !told.iter().any(is_told) {
+            told.push(alternative);
+        }
+    }
+    told
 }
 
 /// A candidate's coordinates in the most probable set that holds it.
