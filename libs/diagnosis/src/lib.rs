@@ -76,13 +76,18 @@ pub fn diagnose(
 const NO_COMMAND_SHOWS: &str = "no command of a thruster shows in the motion: the commands are of another motion, or nothing \
     reached the thrusters; no cause is asserted";
 
+/// A thrust below this share of the plant file's is none.
+const NO_THRUST: f64 = 0.01;
+
 /// Whether no thruster of the plant pushes with these causes, though one does without them.
 fn commands_do_nothing(plant: &Plant, causes: &[Cause]) -> bool {
-    let pushes = |effects: &[Effect]| {
-        Physics::with(plant, effects).thrusters.iter().any(|t| t.curve_n.iter().any(|c| *c != 0.0))
+    let largest_n = |effects: &[Effect]| {
+        let thrusters = Physics::with(plant, effects).thrusters;
+        thrusters.iter().flat_map(|t| t.curve_n).map(f64::abs).fold(0.0, f64::max)
     };
     let with: Vec<Effect> = plant.effects.iter().cloned().chain(causes.iter().map(|c| c.effect.clone())).collect();
-    pushes(&plant.effects) && !pushes(&with)
+    let before_n = largest_n(&plant.effects);
+    before_n > 0.0 && largest_n(&with) < NO_THRUST * before_n
 }
 
 /// What a search sets out from.
