@@ -33,7 +33,7 @@ pub(crate) struct Candidate {
     /// The kind that it is one of, for the prior: each kind is as likely as any other.
     pub(crate) kind: String,
     pub(crate) prior: Prior,
-    /// Value of the shape, of [`Response::Shape`]; of a spring the size of its coordinate that its columns are taken at.
+    /// Value of the shape, of [`Response::Shape`]; of a spring, or a shift in time, the size of its coordinate that its columns are taken at.
     shape: f64,
     /// Of a law in time: what lies between its frequency and those of its neighbours, Hz.
     spacing: Option<f64>,
@@ -69,7 +69,15 @@ impl Candidate {
         if self.prior.response == Response::Discrete { 1 } else { self.slabs() + self.prior.points.len() }
     }
 
+    /// Of a shift in time: the standard deviation of the one slab that it has.
+    fn slab(&self) -> Option<f64> {
+        (self.prior.response == Response::Linear && self.shape > 0.0 && !self.is_law).then_some(self.shape)
+    }
+
     fn slabs(&self) -> usize {
+        if self.slab().is_some() {
+            return 1;
+        }
         let has_parts = self.prior.response == Response::Linear && self.size > 1 && !self.is_law;
         SLAB_WIDTHS.len() * if has_parts { 1 + self.size } else { 1 }
     }
@@ -82,6 +90,9 @@ impl Candidate {
         if class >= self.slabs() {
             return (self.points()[class - self.slabs()], self.prior.spike[coordinate]);
         }
+        if let Some(sd) = self.slab() {
+            return (0.0, sd);
+        }
         let (width, alone) = (SLAB_WIDTHS[class % SLAB_WIDTHS.len()], class / SLAB_WIDTHS.len());
         let departs = alone == 0 || alone == coordinate + 1;
         (0.0, if departs { width * self.prior.typical[coordinate] } else { self.prior.spike[coordinate] })
@@ -93,8 +104,7 @@ impl Candidate {
         if self.prior.response == Response::Inverse {
             return self.shape;
         }
-        let is_sized = self.prior.response == Response::Linear && self.shape > 0.0 && !self.is_law;
-        let typical = if is_sized { self.shape } else { SLAB_WIDTHS[0] * self.prior.typical[coordinate] };
+        let typical = self.slab().unwrap_or(SLAB_WIDTHS[0] * self.prior.typical[coordinate]);
         if self.bounds(coordinate)[1] < typical { -typical } else { typical }
     }
 
@@ -205,7 +215,8 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
         is_law: false,
     };
     match prior.response {
-        // What a shift in time does is in proportion to it only while the motion is even.
+        // What a shift in time does is in proportion to it only while the motion is even: each slab is a candidate of its own, with the
+        // column at its width.
         Response::Linear if effect.about().place == Place::Time && effect.values().len() == 1 => {
             SLAB_WIDTHS.iter().map(|width| one(1, width * prior.typical[0])).collect()
         }

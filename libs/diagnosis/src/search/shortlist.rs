@@ -52,7 +52,7 @@ impl Search<'_> {
         let value = |c: usize| best[c] + self.log_prior[c];
         let mut order: Vec<usize> = (0..best.len()).filter(|c| is_among(*c) && best[*c] > f64::NEG_INFINITY).collect();
         order.sort_by(|a, b| value(*b).total_cmp(&value(*a)).then(a.cmp(b)));
-        // Of columns at several sizes the one that explains most.
+        // Of an effect's columns at several sizes the one that explains most.
         let is_sized_otherwise = |c: usize, chosen: &[usize]| {
             let own = &problem.candidates[c];
             let is_same = |o: &usize| is_same(&problem.candidates[*o].nominal, &own.nominal);
