@@ -120,6 +120,26 @@ fn what_moves_the_vehicle_far_is_named_for_what_it_is() {
     }
 }
 
+#[test]
+fn what_is_far_from_proportional_is_one_cause_and_not_several() {
+    // Telemetry later than the arm moves evenly, and a gyro that reads deviations of the motion too small.
+    let late = Flown::with("id = \"link_latency\"\nindex = 2\ndelay_s = 0.15", &["excitation"]);
+    let scaled = Flown::with("id = \"gyro_scale\"\nscale = 0.83", &["coast", "thrusters"]);
+    for (flown, effect, value) in [(late, "link_latency", 0.15), (scaled, "gyro_scale", 0.83)] {
+        let answer = flown.diagnosed("plant.toml", "out");
+        let causes = answer["causes"].as_array().unwrap();
+        assert_eq!((causes.len(), &causes[0]["effect"]), (1, &effect.into()), "{answer}");
+        let parameters = causes[0]["parameters"].as_object().unwrap();
+        let found = parameters.values().next().unwrap()["value"].as_f64().unwrap();
+        assert!((found / value - 1.0).abs() < 0.01, "{effect}: {found} for {value}");
+    }
+    // What two clocks together would do, one delay does.
+    let all = Flown::with("id = \"mocap_latency\"\ndelay_s = 0.12", &["excitation", "thrusters"]);
+    let answer = all.diagnosed("plant.toml", "out");
+    let named = |effect: &str| answer["causes"].as_array().unwrap().iter().filter(|c| c["effect"] == effect).count();
+    assert_eq!((named("mocap_latency"), named("clock_offset")), (1, 0), "{answer}");
+}
+
 /// Experiments flown in a laboratory that has an effect which the plant file lacks.
 struct Flown {
     folder: tempfile::TempDir,
