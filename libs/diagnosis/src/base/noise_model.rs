@@ -141,12 +141,11 @@ impl NoiseModel {
                 }
                 for (u, arrivals) in self.each_arrivals() {
                     let moved = arrivals.moved[block];
-                    match channel {
-                        0..=2 => states.push((u + 1, moved[channel])),
-                        _ => {
-                            let rate = gyro_scale * moved[2] / arrivals.lag_s;
-                            states.extend([(u, rate), (u + 1, -rate)]);
-                        }
+                    if channel < 3 {
+                        states.push((u + 1, moved[channel]));
+                    } else {
+                        let rate = gyro_scale * moved[2] / arrivals.lag_s;
+                        states.extend([(u, rate), (u + 1, -rate)]);
                     }
                 }
                 if channel == 3 && self.gyro_walk > 0.0 {
