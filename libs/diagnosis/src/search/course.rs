@@ -225,9 +225,7 @@ impl<'a> Course<'a> {
                     (self.again, self.is_seen) = (0, false);
                     return Ok(true);
                 }
-                let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
-                self.now.linearized =
-                    problem.linearized(&model, Slope::Secant, &present, Kept::Causes(about.linearized))?;
+                self.come_back(about.linearized)?;
             }
         }
         Ok(false)
@@ -250,16 +248,13 @@ impl<'a> Course<'a> {
 
     /// Goes on with the best set, linearized about its model.
     fn take(&mut self, next: About, best: &Found) -> Result<(), ModelError> {
-        let (problem, same) = (self.search.problem, self.is_same_as(best));
+        let same = self.is_same_as(best);
         let news = self.search.like_news(best, &self.now.model);
         if news.iter().any(|c| self.is_elastic(*c)) && next.log_posterior < self.now.log_posterior {
             // What a soft drive does is far from proportional: its column promised what the drive itself does not keep.
             self.refuted.extend(news);
             self.visited.remove(&key(best));
-            let model = &self.now.model;
-            let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
-            self.now.linearized = problem.linearized(model, Slope::Secant, &present, Kept::Causes(next.linearized))?;
-            return Ok(());
+            return self.come_back(next.linearized);
         }
         self.now = next;
         let now = &mut self.now;
@@ -268,6 +263,14 @@ impl<'a> Course<'a> {
             self.search.note_identical(&now.linearized, &now.hyper, &now.model)?;
         }
         now.model = self.search.polished(&now.linearized, std::mem::take(&mut now.model), best, &now.hyper)?;
+        Ok(())
+    }
+
+    /// Linearizes about the present model again, after another one.
+    fn come_back(&mut self, from: Linearized) -> Result<(), ModelError> {
+        let model = &self.now.model;
+        let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
+        self.now.linearized = self.search.problem.linearized(model, Slope::Secant, &present, Kept::Causes(from))?;
         Ok(())
     }
 
