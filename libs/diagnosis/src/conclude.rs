@@ -7,7 +7,7 @@ use crate::problem::{Problem, is_same};
 use crate::scores::Scores;
 use crate::search::{Found, Searched};
 use fss_estimation::evidence::SetPosterior;
-use fss_plant::{Effect, Place, Response};
+use fss_plant::{Effect, Response};
 
 /// Posterior probability from which a cause, or one of its alternatives, is asserted.
 pub const ASSERTED: f64 = 0.9;
@@ -137,16 +137,19 @@ fn alternatives(
 ) -> Vec<Alternative> {
     let equals = equivalent(searched, own);
     let mut all: Vec<Alternative> = Vec::new();
-    for other in class.iter().filter(|c| **c != own) {
-        let is_equivalent = equals.contains(other);
-        let probability = probability_of_any(searched, &[*other]);
+    let mut others: Vec<(usize, f64)> =
+        class.iter().filter(|c| **c != own).map(|c| (*c, probability_of_any(searched, &[*c]))).collect();
+    others.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (other, probability) in &others {
+        let (is_equivalent, probability) = (equals.contains(other), *probability);
         if !is_equivalent && probability < TOLD {
             continue;
         }
         let candidate = &problem.candidates[*other];
         // The same effect of another size is no other cause.
-        let shares_name = is_same(&candidate.nominal, &problem.candidates[own].nominal);
-        if shares_name && candidate.prior.response != Response::Discrete {
+        let is_told = is_same(&candidate.nominal, &problem.candidates[own].nominal)
+            || all.iter().any(|a| is_same(&candidate.nominal, &a.effect));
+        if is_told && candidate.prior.response != Response::Discrete {
             continue;
         }
         let matched = searched.search.identical.get(&(own.min(*other), own.max(*other)));
@@ -158,16 +161,7 @@ fn alternatives(
             all.push(Alternative { effect, probability, is_equivalent });
         }
     }
-    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    // An effect whose action was taken at several sizes is told once.
-    let mut told: Vec<Alternative> = Vec::new();
-    for alternative in all {
-        let is_told = |other: &Alternative| is_same(&other.effect, &alternative.effect);
-        if alternative.effect.about().place != Place::Time || !told.iter().any(is_told) {
-            told.push(alternative);
-        }
-    }
-    told
+    all
 }
 
 /// A candidate's coordinates in the most probable set that holds it.
