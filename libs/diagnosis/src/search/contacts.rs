@@ -12,7 +12,6 @@ use super::space::{Found, Search};
 use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Present, Problem, Slope};
 use fss_multibody::ModelError;
-use rayon::prelude::*;
 
 /// Sizes that a contact is tried with, over the typical one.
 const SIZES: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
@@ -40,8 +39,9 @@ impl Contact {
 pub(crate) fn contact(searched: &Searched) -> Result<Option<Contact>, ModelError> {
     let candidates = &searched.search.problem.candidates;
     let contacts: Vec<usize> = (0..candidates.len()).filter(|c| candidates[*c].prior.is_contact).collect();
+    // One after the other: a block is linearized about one model at a time.
     let tried: Vec<Tried> =
-        contacts.into_par_iter().map(|candidate| Tried::new(searched, candidate)).collect::<Result<_, _>>()?;
+        contacts.into_iter().map(|candidate| Tried::new(searched, candidate)).collect::<Result<_, _>>()?;
     let Some(best) = tried.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Ok(None) };
     Ok((best.gain_with_own_noise(searched)? > 0.0).then_some(best.contact))
 }
