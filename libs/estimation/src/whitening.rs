@@ -30,11 +30,11 @@ impl Step {
     pub fn set_dense(&mut self, n: usize, transition: &[f64], noise: &[f64]) {
         for (to, from) in [(&mut self.transition, transition), (&mut self.noise, noise)] {
             to.clear();
-            let elements = from
-                .chunks_exact(n)
-                .enumerate()
-                .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, v)| (i, j, *v)));
-            to.extend(elements.filter(|(_, _, v)| *v != 0.0));
+            for (i, row) in from.chunks_exact(n).enumerate() {
+                for (j, value) in row.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+                    to.push((i, j, *value));
+                }
+            }
         }
     }
 }

@@ -317,7 +317,8 @@ fn mean_forces(physics: &Physics, valves: &[Valve], t_s: f64) -> impl Iterator<I
 fn mean_thrust(stage: &Stage, valves: &[Valve], t_s: f64, arm: Option<&JointSample>) -> [f64; 3] {
     let (_, physics, model) = stage;
     let mut sum = [0.0; 3];
-    for (force, thruster) in mean_forces(physics, valves, t_s).zip(&physics.thrusters) {
+    let forces = mean_forces(physics, valves, t_s).zip(&physics.thrusters);
+    for (force, thruster) in forces.filter(|(force, _)| *force != 0.0) {
         let mut unit = thruster.unit_wrench();
         // In base axes the plume and the arm are where the joints say, wherever the base is.
         let hit = arm.and_then(|arm| plume_hit(thruster, model, &coordinates(&Vector3::zeros(), &arm.q_rad)));

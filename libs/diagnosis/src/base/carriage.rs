@@ -22,6 +22,17 @@ pub(super) struct Carriage {
 pub(super) struct Path {
     pub(super) pose: Vec<[f64; 3]>,
     pub(super) velocity: Vec<[f64; 3]>,
+    /// Sine and cosine of the heading at each edge, and of the mean heading of each cell.
+    pub(super) turn: Vec<(f64, f64)>,
+    pub(super) mean_turn: Vec<(f64, f64)>,
+}
+
+impl Path {
+    pub(super) fn new(pose: Vec<[f64; 3]>, velocity: Vec<[f64; 3]>) -> Self {
+        let turn = pose.iter().map(|p| p[2].sin_cos()).collect();
+        let mean_turn = pose.windows(2).map(|ends| (0.5 * (ends[0][2] + ends[1][2])).sin_cos()).collect();
+        Self { pose, velocity, turn, mean_turn }
+    }
 }
 
 impl Carriage {

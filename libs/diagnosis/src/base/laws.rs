@@ -53,7 +53,7 @@ impl<'a> Laws<'a> {
         let mut laws = Self { physics, carriage, measured, momentum: None, rate: Vector3::zeros() };
         if physics.base_laws.iter().any(|law| law.depends_on_velocity) {
             let start = laws.drawn(Vector3::zeros(), &path.velocity[0], 0, f64::INFINITY);
-            let com_m = rotated(path.pose[0][2].sin_cos(), carriage.com_m[0]);
+            let com_m = rotated(path.turn[0], carriage.com_m[0]);
             let drift = laws.drift(0, path.pose[0][2]);
             laws.momentum = Some(momentum(&start, com_m, drift, carriage.inertia_kg_m2[0], carriage.joint_momentum[0]));
         }

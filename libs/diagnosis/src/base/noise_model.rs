@@ -61,7 +61,7 @@ impl NoiseModel {
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let moment = |t_s: f64| {
             let (k, _) = predictor.pose.grid.locate(t_s);
-            let (sin, cos) = path.pose[k][2].sin_cos();
+            let (sin, cos) = path.turn[k];
             let [x, y] = carriage.com_m[k];
             (t_s, [cos * x - sin * y, sin * x + cos * y], carriage.inertia_kg_m2[k])
         };

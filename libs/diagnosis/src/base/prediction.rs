@@ -45,7 +45,7 @@ impl Predictor {
         };
         let make = || {
             let (pose, velocity) = self.pose.unread(physics);
-            Ok::<_, std::convert::Infallible>(Path { pose, velocity })
+            Ok::<_, std::convert::Infallible>(Path::new(pose, velocity))
         };
         match self.paths.get(physics, same, make) {
             Ok(path) => path,
@@ -105,8 +105,8 @@ impl Predictor {
         let laws = Laws::new(&physics, &carriage, &self.pose, &path);
         let (pose, rate) = integrate(&physics, grid, (&path, &carriage, &thrust), laws);
         let [mx, my] = physics.sensors.marker_offset_m;
-        let marker = |p: &[f64; 3]| rotated(p[2].sin_cos(), [mx, my]);
-        Ok(Motion { marker_m: path.pose.iter().map(marker).collect(), physics, grid, pose, rate })
+        let marker_m = path.turn.iter().map(|turn| rotated(*turn, [mx, my])).collect();
+        Ok(Motion { marker_m, physics, grid, pose, rate })
     }
 }
 
@@ -118,7 +118,7 @@ fn integrate(
     mut laws: Laws,
 ) -> (Vec<[f64; 3]>, Vec<f64>) {
     let dt = grid.step_s;
-    let com: Vec<[f64; 2]> = path.pose.iter().zip(&carriage.com_m).map(|(p, c)| rotated(p[2].sin_cos(), *c)).collect();
+    let com: Vec<[f64; 2]> = path.turn.iter().zip(&carriage.com_m).map(|(turn, c)| rotated(*turn, *c)).collect();
     let (first, inertia) = (path.pose[0], &carriage.inertia_kg_m2);
     let mut place = [first[0] + com[0][0], first[1] + com[0][1]];
     let mut speed: [f64; 2] = std::array::from_fn(|i| path.velocity[0][i] + (com[1][i] - com[0][i]) / dt);
@@ -135,7 +135,7 @@ fn integrate(
         let pose: [f64; 3] = std::array::from_fn(|i| middle(path.pose[k][i], path.pose[k + 1][i]));
         let velocity: [f64; 3] = std::array::from_fn(|i| middle(path.velocity[k][i], path.velocity[k + 1][i]));
         let arm: [f64; 2] = std::array::from_fn(|i| middle(com[k][i], com[k + 1][i]));
-        let [fx, fy] = rotated(pose[2].sin_cos(), [thrust[k][0], thrust[k][1]]);
+        let [fx, fy] = rotated(path.mean_turn[k], [thrust[k][0], thrust[k][1]]);
         let mut wrench = [fx, fy, thrust[k][2]];
         if !physics.base_laws.is_empty() {
             let motion = BaseMotion { t_s: grid.edge_s(k) + 0.5 * dt, pose, velocity };

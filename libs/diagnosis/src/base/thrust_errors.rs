@@ -35,7 +35,7 @@ impl ThrustErrors {
             let mut sum = [0.0; 3];
             for k in grid.locate(from_s).0..=grid.locate(to_s).0 {
                 let within_s = (grid.edge_s(k + 1).min(to_s) - grid.edge_s(k).max(from_s)).max(0.0);
-                let [fx, fy] = rotated(path.pose[k][2].sin_cos(), [ux, uy]);
+                let [fx, fy] = rotated(path.turn[k], [ux, uy]);
                 let [cx, cy] = carriage.com_m[k];
                 let along = [fx, fy, about_origin - (cx * uy - cy * ux)];
                 sum.iter_mut().zip(along).for_each(|(s, a)| *s += within_s / (to_s - from_s) * force[k] * a);
