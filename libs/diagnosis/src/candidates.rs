@@ -33,9 +33,10 @@ pub(crate) struct Candidate {
     /// The kind that it is one of, for the prior: each kind is as likely as any other.
     pub(crate) kind: String,
     pub(crate) prior: Prior,
-    /// Value of the shape, of [`Response::Shape`]; of a spring, or a shift in time, the size of its coordinate that its columns are taken at.
+    /// Value of the shape, of [`Response::Shape`] and [`Response::Scale`]; of a spring, or a shift in time, the size of its coordinate that its columns are taken at.
     shape: f64,
-    /// Of a law in time: what lies between its frequency and those of its neighbours, Hz.
+    /// What lies between its shape and those of its neighbours where it may be anywhere between: of a law in time Hz, of a scale the
+    /// logarithm of their ratio.
     spacing: Option<f64>,
     /// Number of coordinates.
     pub(crate) size: usize,
@@ -51,7 +52,7 @@ impl Candidate {
         match self.prior.response {
             _ if self.is_law => [f64::NEG_INFINITY, f64::INFINITY],
             Response::Linear => [parameter.lower - nominal, parameter.upper - nominal],
-            Response::Strength | Response::Shape(_) if coordinate == 0 => {
+            Response::Strength | Response::Shape(_) | Response::Scale(_) if coordinate == 0 => {
                 [parameter.lower - nominal, parameter.upper - nominal]
             }
             Response::Inverse => [0.0, f64::INFINITY],
@@ -135,6 +136,10 @@ impl Candidate {
                 values[0] = nominal[0] + c[0];
                 values[1] = self.shape;
             }
+            Response::Scale(_) => {
+                values[0] = nominal[0] + c[0];
+                values[1] = c.get(1).copied().unwrap_or(self.shape.ln()).exp();
+            }
             Response::Inverse => values[0] = 1.0 / (c[0] + 1.0 / nominal[0]).max(1e-9),
             Response::Discrete => {}
         }
@@ -160,9 +165,10 @@ impl Candidate {
         strengths.chunks(2).zip(along).filter_map(|(c, along)| part(along, c)).collect()
     }
 
-    /// Frequencies of a law in time between which the likeliest is sought: those of its neighbours.
-    pub(crate) fn frequencies(&self) -> Option<[f64; 2]> {
-        self.spacing.map(|spacing| [self.shape - spacing, self.shape + spacing])
+    /// Between which the likeliest shape is sought, those of its neighbours: frequencies of a law in time, logarithms of a scale.
+    pub(crate) fn shapes(&self) -> Option<[f64; 2]> {
+        let own = if self.is_law { self.shape } else { self.shape.ln() };
+        self.spacing.map(|spacing| [own - spacing, own + spacing])
     }
 }
 
@@ -222,6 +228,10 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
         }
         Response::Linear | Response::Strength => vec![one(effect.values().len(), 0.0)],
         Response::Shape(values) => values.iter().map(|value| one(1, *value)).collect(),
+        Response::Scale(values) => {
+            let spacing = Some(values.windows(2).map(|v| (v[1] / v[0]).ln()).fold(0.0, f64::max));
+            values.iter().map(|value| Candidate { spacing, ..one(1, *value) }).collect()
+        }
         Response::Inverse if swing => OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect(),
         Response::Inverse => vec![one(1, SLAB_WIDTHS[0] * prior.typical[0])],
         Response::Discrete => vec![one(1, 0.0)],
@@ -278,6 +288,24 @@ fn base_laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn a_scale_is_anywhere_between_those_that_are_tried() {
+        let plant = Plant::default_laboratory().unwrap();
+        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), swing: false };
+        let all = candidates(&plant, &records);
+        let mut tried: Vec<[f64; 2]> = all
+            .iter()
+            .filter(|c| c.kind == "joint_stribeck_friction" && c.nominal.index() == Some(2))
+            .map(|c| c.shapes().unwrap())
+            .collect();
+        tried.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        assert!(tried.len() > 1 && tried.windows(2).all(|two| two[0][1] > two[1][0]), "{tried:?}");
+        let sticks = all.iter().find(|c| c.kind == "joint_stribeck_friction").unwrap();
+        let at = |c: &[f64]| sticks.at(c)[0].values().to_vec();
+        assert!((at(&[0.2, 0.05_f64.ln()])[1] - 0.05).abs() < 1e-12, "{:?}", at(&[0.2, 0.05_f64.ln()]));
+        assert_eq!(at(&[0.2])[0], 0.2);
+    }
 
     #[test]
     fn a_cause_departs_from_nominal_with_all_its_coordinates_or_with_one() {

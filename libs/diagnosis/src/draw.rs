@@ -63,7 +63,12 @@ fn drawn_coordinates(cause: &Candidate, random: &mut ChaCha8Rng) -> Vec<f64> {
         (0.0, sd) => within(cause.bounds(i), sd, random),
         (mean, sd) => mean + sd * normal(random),
     };
-    (0..cause.size).map(drawn).collect()
+    let mut coordinates: Vec<f64> = (0..cause.size).map(drawn).collect();
+    // Up to half of the way to the neighbours.
+    let shape =
+        cause.shapes().filter(|_| !cause.is_law).map(|[from, to]| from + (to - from) * random.random_range(0.25..0.75));
+    coordinates.extend(shape);
+    coordinates
 }
 
 /// A normal value about 0, which lies within the bounds.

@@ -24,6 +24,8 @@ pub enum Response {
     Strength,
     /// The first parameter acts in proportion, the second has one of these values.
     Shape(&'static [f64]),
+    /// The first parameter acts in proportion, the second, larger than 0, is anywhere about these values, evenly in its logarithm.
+    Scale(&'static [f64]),
     /// The inverse of the first parameter acts in proportion.
     Inverse,
     /// There or not there, without a size.

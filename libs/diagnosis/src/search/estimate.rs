@@ -71,7 +71,7 @@ impl Search<'_> {
         Some(ColumnsOfSet { search: self, uncertain, present, parameters, position, slabs })
     }
 
-    /// The estimate of a set, stiffnesses and laws' frequencies that the model before does not have at their likeliest: what swings on
+    /// The estimate of a set, stiffnesses and shapes that the model before does not have at their likeliest: what swings on
     /// a spring tells its frequency, so that the likelihood has many maxima. `None` where a drive that does not give way is likelier
     /// than any.
     pub(super) fn scanned(
@@ -83,12 +83,12 @@ impl Search<'_> {
     ) -> Result<Option<Vec<Present>>, ModelError> {
         for at in 0..model.len() {
             let own = &self.problem.candidates[model[at].candidate];
-            if let Some(frequencies) = own.frequencies() {
+            if let Some(shapes) = own.shapes() {
                 let known = before.iter().find(|p| p.candidate == model[at].candidate);
                 let known = known.and_then(|p| p.coordinates.get(own.size).copied());
-                model[at].coordinates.push(known.unwrap_or(f64::midpoint(frequencies[0], frequencies[1])));
+                model[at].coordinates.push(known.unwrap_or(f64::midpoint(shapes[0], shapes[1])));
                 if known.is_none() {
-                    self.find_frequency(about, &mut model, (at, frequencies), set, hyper)?;
+                    self.find_shape(about, &mut model, (at, shapes), set, hyper)?;
                 }
                 continue;
             }
@@ -120,8 +120,8 @@ impl Search<'_> {
         Ok(Some(model))
     }
 
-    /// Moves a law of the model to its likeliest frequency, by parabolas through the logarithm of the marginal likelihood.
-    fn find_frequency(
+    /// Moves a cause of the model to its likeliest shape, by parabolas through the logarithm of the marginal likelihood.
+    fn find_shape(
         &self,
         about: &Linearized,
         model: &mut [Present],
@@ -135,11 +135,11 @@ impl Search<'_> {
         for halves in [2, 1] {
             let mut values = Vec::new();
             for k in -halves..=halves {
-                let frequency = middle + f64::from(k) * step;
-                model[at].coordinates[size] = frequency;
+                let shape = middle + f64::from(k) * step;
+                model[at].coordinates[size] = shape;
                 let point = columns.point(model, Slope::Secant, hyper)?;
                 let posterior = point.and_then(|point| point.posterior.of_set(&columns.slabs));
-                values.push((frequency, posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence)));
+                values.push((shape, posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence)));
             }
             middle = vertex(&values);
             step *= 0.125;
@@ -165,7 +165,7 @@ impl Search<'_> {
             let Some(posterior) = point.posterior.of_set(&columns.slabs) else { break };
             let (mut now, deviations) = self.presented(set, &posterior);
             for Present { candidate, coordinates } in &mut now {
-                // A law keeps its frequency.
+                // A shape stays as it is.
                 let before = model.iter().find(|p| p.candidate == *candidate);
                 coordinates.extend(before.and_then(|p| p.coordinates.get(coordinates.len())));
             }

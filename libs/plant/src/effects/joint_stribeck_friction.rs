@@ -32,7 +32,7 @@ impl EffectKind for JointStribeckFriction {
         // The law of a friction is known no better than its size.
         let stated = plant.uncertainty.as_ref().map_or(0.0, |uncertainty| uncertainty.coulomb_friction_n_m);
         Prior::sized(&[friction], &[stated.max(2.0 * FRICTION_SPIKE_SHARE * friction)])
-            .responding(Response::Shape(&[0.01, 0.03, 0.1]))
+            .responding(Response::Scale(&[0.01, 0.03, 0.1]))
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
