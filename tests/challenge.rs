@@ -138,6 +138,8 @@ fn what_is_far_from_proportional_is_one_cause_and_not_several() {
     let answer = all.diagnosed("plant.toml", "out");
     let named = |effect: &str| answer["causes"].as_array().unwrap().iter().filter(|c| c["effect"] == effect).count();
     assert_eq!((named("mocap_latency"), named("clock_offset")), (1, 0), "{answer}");
+    let late = &answer["causes"][0]["parameters"]["delay_s"]["value"];
+    assert!((late.as_f64().unwrap() / 0.12 - 1.0).abs() < 0.01, "{answer}");
 }
 
 /// Experiments flown in a laboratory that has an effect which the plant file lacks.

@@ -22,6 +22,7 @@ mod missing;
 mod noise_model;
 mod prediction;
 mod samples;
+mod shown;
 mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
@@ -32,11 +33,12 @@ use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, Stream, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::Predictor;
-use samples::Samples;
+use samples::{Ages, Samples};
+use shown::Shown;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A run shorter than this says nothing of forces (s).
@@ -64,16 +66,16 @@ pub struct BaseBlock {
     driven_otherwise: Mutex<DrivenOtherwise>,
 }
 
-/// What the rows change by on other drives than those that everything is linearized about: these, the others, the rows. It hardly hangs
-/// on what else acts.
-type DrivenOtherwise = Vec<([Vec<Drive>; 2], Option<Arc<Vec<f64>>>)>;
+/// What the rows change by on other drives than those that everything is linearized about: these, the others, the sensors' ages, the rows.
+/// It hardly hangs on what else acts.
+type DrivenOtherwise = Vec<(([Vec<Drive>; 2], Ages), Option<Arc<Vec<f64>>>)>;
 
 /// About what everything is linearized.
 #[derive(Clone)]
 struct Present {
     about: Arc<About>,
-    /// Reading of the gyro over the rate of the base: deviations of the motion show in it so, too.
-    gyro_scale: f64,
+    noise: Arc<NoiseModel>,
+    shown: Shown,
 }
 
 /// A plant, its effects, and what is linearized about them.
@@ -85,7 +87,7 @@ struct About {
     predictor: Predictor,
     /// What the rows read but for what servos make of datagrams otherwise than with the drives above.
     rows: Memo<Vec<f64>>,
-    noise: NoiseModel,
+    noise: Arc<NoiseModel>,
 }
 
 impl About {
@@ -101,7 +103,7 @@ impl About {
         let physics = Physics::with(plant, &plant.effects);
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
-        let noise = NoiseModel::new(plant, run, samples, &predictor, &beside)?;
+        let noise = Arc::new(NoiseModel::new(plant, run, samples, &predictor, &beside)?);
         Ok(Self { drives: drives(&physics), beside, predictor, rows: Memo::new(), noise })
     }
 
@@ -116,6 +118,7 @@ impl About {
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let encoders = &self.predictor.encoders;
         let (Some(nominal), Some(commands)) = (&encoders.response, commands) else { return Ok(None) };
+        let ages = Ages::of(physics);
         let rows = |change: Option<Vec<Nodes>>, swings: &Option<Vec<Swing>>| {
             let unseen = |change: Vec<Nodes>| (0..change.len()).map(|i| encoders.unseen(i, &change[i])).collect();
             let unseen: Option<Vec<Nodes>> = change.map(unseen);
@@ -125,7 +128,7 @@ impl About {
                 let ahead = swings.as_ref().map_or([0.0; 2], |all| between(&all[joint].ahead, t_s));
                 [motor[0] + ahead[0], motor[1] + ahead[1]]
             };
-            (unseen.is_some() || swings.is_some()).then(|| Arc::new(self.beside.rows(samples, at)))
+            (unseen.is_some() || swings.is_some()).then(|| Arc::new(self.beside.rows(samples, ages, at)))
         };
         let drives = [self.drives.clone(), drives(physics)];
         if drives[0] == drives[1] {
@@ -136,13 +139,13 @@ impl About {
             return Ok(None);
         }
         let kept = || driven_otherwise.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = kept().iter().find(|(of, _)| *of == drives) {
+        if let Some((_, known)) = kept().iter().find(|(of, _)| of.0 == drives && of.1 == ages) {
             return Ok(known.clone());
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
         let there = answers.response(&plant, commands, &encoders.grid.edges_s())?;
         let rows = rows(Some(there.beside(nominal)), &there.swings);
-        kept().push((drives, rows.clone()));
+        kept().push(((drives, ages), rows.clone()));
         Ok(rows)
     }
 }
@@ -213,10 +216,20 @@ impl BaseBlock {
             let encoders = EncoderPath::smoothed(&self.run, (&plant, &ages_s), self.pose.grid, &self.answers);
             Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
         };
-        let gyro_scale = physics.sensors.gyro_scale;
-        *self.present() = Some(Present { about: about.clone(), gyro_scale });
+        let noise = if pushes_alike(&physics, &nominal) {
+            about.noise.clone()
+        } else {
+            Arc::new(about.noise.with_thrust_of((plant, effects), &nominal, &about.predictor)?)
+        };
+        *self.present() = Some(Present { about: about.clone(), noise, shown: Shown::by(&physics) });
         Ok(about)
     }
+}
+
+/// Whether commands make the same thrust.
+fn pushes_alike(a: &Physics, b: &Physics) -> bool {
+    let early_s = |physics: &Physics| physics.sensors.clock_offset_s[Stream::Valves as usize];
+    a.thrusters == b.thrusters && a.supply == b.supply && early_s(a) == early_s(b)
 }
 
 /// Cells in which the heading turns little.
@@ -262,10 +275,11 @@ impl Block for BaseBlock {
     }
 
     fn whiten(&self, hyper: &[f64], columns: &mut Columns) -> f64 {
-        match self.present().clone() {
-            Some(Present { about, gyro_scale }) => about.noise.whiten(hyper, gyro_scale, columns),
-            None => self.nominal.noise.whiten(hyper, self.plant.sensors.gyro_scale, columns),
+        if let Some(Present { noise, shown, .. }) = self.present().clone() {
+            return noise.whiten(hyper, shown, columns);
         }
+        let physics = Physics::with(&self.plant, &self.plant.effects);
+        self.nominal.noise.whiten(hyper, Shown::by(&physics), columns)
     }
 
     fn discrepancies(&self, hyper: &[f64]) -> Vec<(String, f64, f64)> {

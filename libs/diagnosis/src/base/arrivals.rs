@@ -10,6 +10,7 @@ const UNNOTICED: f64 = 0.05;
 
 /// A joint's datagrams arrive earlier or later than they are taken to: by u standard deviations, an Ornstein-Uhlenbeck process. A servo
 /// whose commanded motion begins later is displaced along it, by x: x' = (u - x) g, with g the gain of the position loop.
+#[derive(Clone)]
 pub(super) struct Arrivals {
     /// Correlation time of u (s), and 1/g (s).
     pub(super) time_s: f64,

@@ -1,7 +1,7 @@
 //! What a small motion of the joints beside their path does to the base.
 
 use super::carriage::{Carriage, Path, joints_only, rotated};
-use super::samples::Samples;
+use super::samples::{Ages, Samples};
 use crate::path::TimeGrid;
 use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
 use fss_plant::Physics;
@@ -37,13 +37,14 @@ impl JointMotion {
         self.slopes[self.grid.locate(t_s).0][joint]
     }
 
-    /// What the rows change by with a motion of the joints: angle and rate of each over time.
-    pub(super) fn rows(&self, samples: &Samples, motion: impl Fn(usize, f64) -> [f64; 2]) -> Vec<f64> {
+    /// What the rows change by with a motion of the joints, angle and rate of each over time, that sensors of these ages show.
+    pub(super) fn rows(&self, samples: &Samples, ages: Ages, motion: impl Fn(usize, f64) -> [f64; 2]) -> Vec<f64> {
         let joints = self.slopes[0].len();
         let pose = |t_s: f64| {
             let of = |joint: usize| self.at(t_s, joint).map(|slope| slope * motion(joint, t_s)[0]);
             (0..joints).map(of).fold([0.0; 3], |sum, own| std::array::from_fn(|i| sum[i] + own[i]))
         };
-        samples.read_small(pose, |t_s| (0..joints).map(|joint| self.at(t_s, joint)[2] * motion(joint, t_s)[1]).sum())
+        let rate = |t_s: f64| (0..joints).map(|joint| self.at(t_s, joint)[2] * motion(joint, t_s)[1]).sum();
+        samples.read_small(ages, pose, rate)
     }
 }

@@ -6,6 +6,7 @@ use super::hyper::{Hyper, hyper_parameters};
 use super::joint_motion::JointMotion;
 use super::prediction::Predictor;
 use super::samples::Samples;
+use super::shown::Shown;
 use super::thrust_errors::ThrustErrors;
 use crate::block::HyperParameter;
 use crate::servo_response::{arrival_time, datagrams};
@@ -13,7 +14,7 @@ use fss_estimation::processes::SingerStep;
 use fss_estimation::{Columns, Step, Whitener};
 use fss_experiments::measured::Run;
 use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
-use fss_plant::{Physics, Plant};
+use fss_plant::{Effect, Physics, Plant};
 
 /// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
 const BODY: usize = 9;
@@ -21,6 +22,8 @@ const BODY: usize = 9;
 const FORCES: usize = 6;
 /// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
 const ARM: usize = 3;
+pub(super) const ARM_MOMENTUM: usize = BODY;
+pub(super) const ARM_SHIFT: usize = BODY + 1;
 /// And of each joint that datagrams command: how late they arrive, and how far it is displaced.
 const ARRIVAL: usize = 2;
 /// Variances of what is not known at the start: place (m^2) or heading (rad^2), speed (m^2/s^2), rate (rad^2/s^2).
@@ -28,6 +31,7 @@ const START: [f64; 3] = [1e2, 1.0, 10.0];
 /// Interval of telemetry that is assumed where none came (s).
 const SLOW_TELEMETRY_S: f64 = 0.2;
 
+#[derive(Clone)]
 pub(super) struct NoiseModel {
     pub(super) hyper_parameters: Vec<HyperParameter>,
     mass_kg: f64,
@@ -79,7 +83,7 @@ impl NoiseModel {
         let noise = std::array::from_fn(|i| rows.first().map_or(0.0, |row| row[i]));
         let of_joints = |c| Arrivals::of_joints(plant, arrival_time(c), predictor, beside, (&times, noise));
         let arrivals = datagrams(plant, run).map_or_else(Vec::new, of_joints);
-        let thrust = ThrustErrors::new(plant, predictor, (&path, &carriage), &times)?;
+        let thrust = ThrustErrors::new((plant, &plant.effects), predictor, (&path, &carriage), &times)?;
         let walk = plant.sensors.gyro_bias_walk_rad_s_sqrt_s;
         Ok(Self {
             hyper_parameters: hyper_parameters(plant, carriage.inertia_kg_m2[0]),
@@ -91,6 +95,19 @@ impl NoiseModel {
             thrust,
             gyro_walk: walk * walk,
         })
+    }
+
+    /// The same where thrusters follow their commands otherwise.
+    pub(super) fn with_thrust_of(
+        &self,
+        plant: (&Plant, &[Effect]),
+        nominal: &Physics,
+        predictor: &Predictor,
+    ) -> Result<Self, ModelError> {
+        let (path, carriage) = (predictor.path(nominal), predictor.carriage(nominal)?);
+        let times: Vec<f64> = self.moments.iter().map(|m| m.0).collect();
+        let thrust = ThrustErrors::new(plant, predictor, (&path, &carriage), &times)?;
+        Ok(Self { thrust, ..self.clone() })
     }
 
     fn states(&self) -> usize {
@@ -111,16 +128,16 @@ impl NoiseModel {
         self.arrivals.iter().enumerate().map(move |(i, arrivals)| (first + ARRIVAL * i, arrivals))
     }
 
-    /// Whitens columns with the model at these values of the hyper-parameters, where the gyro reads `gyro_scale` times the rate; the
+    /// Whitens columns with the model at these values of the hyper-parameters, deviations of the motion shown as by these sensors; the
     /// logarithm of the determinant.
-    pub(super) fn whiten(&self, hyper: &[f64], gyro_scale: f64, columns: &mut Columns) -> f64 {
+    pub(super) fn whiten(&self, hyper: &[f64], shown: Shown, columns: &mut Columns) -> f64 {
         let h = Hyper::of(hyper);
         let n = self.states();
         let mut filter = Whitener::new(n, &self.initial(&h), columns);
         let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
-        let (mut step, mut states) = (Step::default(), Vec::with_capacity(12));
+        let (mut step, mut states) = (Step::default(), Vec::with_capacity(16));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
-            let [momentum_sd, shift_sd] = self.arm_sd(&h, block);
+            let arm_sd = self.arm_sd(&h, block);
             if let Some(before) = block.checked_sub(1) {
                 self.step(&h, before, &mut dense);
                 step.set_dense(n, &dense.transition, &dense.noise);
@@ -128,30 +145,14 @@ impl NoiseModel {
             }
             for (channel, sd) in sds.iter().enumerate() {
                 states.clear();
-                states.push(match channel {
-                    0 => (0, 1.0),
-                    1 => (2, 1.0),
-                    2 => (4, 1.0),
-                    _ => (5, gyro_scale / moment.2),
-                });
-                match channel {
-                    0 | 1 if self.arm.is_some() => states.push((10 + channel, shift_sd)),
-                    3 if self.arm.is_some() => states.push((9, -gyro_scale * momentum_sd / moment.2)),
-                    _ => {}
-                }
-                for (u, arrivals) in self.each_arrivals() {
-                    let moved = arrivals.moved[block];
-                    if channel < 3 {
-                        states.push((u + 1, moved[channel]));
-                    } else {
-                        let rate = gyro_scale * moved[2] / arrivals.lag_s;
-                        states.extend([(u, rate), (u + 1, -rate)]);
-                    }
-                }
+                states.extend(shown.body(channel, moment.2));
+                states.extend(self.arm.as_ref().map(|arm| shown.arm(channel, (arm_sd, arm.0), moment.2)));
+                states.extend(self.each_arrivals().flat_map(|own| shown.arrivals(channel, own, block)));
                 if channel == 3 && self.gyro_walk > 0.0 {
                     states.push((n - 1, 1.0));
                 }
                 let inflation = [h.noise_position, h.noise_position, h.noise_angle, h.noise_gyro][channel];
+                states.retain(|(_, by)| *by != 0.0);
                 filter.measure(&states, (inflation * sd).powi(2));
             }
         }

@@ -106,7 +106,7 @@ impl Predictor {
         let (pose, rate) = integrate(&physics, grid, (&path, &carriage, &thrust), laws);
         let [mx, my] = physics.sensors.marker_offset_m;
         let marker_m = path.turn.iter().map(|turn| rotated(*turn, [mx, my])).collect();
-        Ok(Motion { marker_m, physics, grid, pose, rate })
+        Ok(Motion { physics, grid, pose, rate, marker_m })
     }
 }
 

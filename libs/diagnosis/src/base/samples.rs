@@ -2,12 +2,26 @@
 
 use super::prediction::Motion;
 use fss_experiments::measured::Run;
-use fss_plant::{Plant, Stream};
+use fss_plant::{Physics, Plant, Stream};
 use std::ops::Range;
 
 /// Blocks that a run is cut into, if its sampling and its length allow, and bounds of their rate (Hz).
 const BLOCKS: f64 = 800.0;
 const BLOCK_RATE_HZ: [f64; 2] = [12.5, 60.0];
+
+/// How much older samples are than their stamps say, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Ages {
+    pub(super) pose_s: f64,
+    pub(super) gyro_s: f64,
+}
+
+impl Ages {
+    pub(super) fn of(physics: &Physics) -> Self {
+        let age_s = |stream| physics.sensors.age_s(stream);
+        Self { pose_s: age_s(Stream::BasePose), gyro_s: age_s(Stream::Gyro) }
+    }
+}
 
 /// The samples of a run and the rows that they become.
 pub(super) struct Samples {
@@ -101,17 +115,16 @@ impl Samples {
         rows
     }
 
-    /// What the rows change by with a small motion: of pose and rate over time.
-    pub(super) fn read_small(&self, pose: impl Fn(f64) -> [f64; 3], rate: impl Fn(f64) -> f64) -> Vec<f64> {
-        self.averaged(|k| pose(self.pose_t_s[k]), |k| rate(self.gyro_t_s[k]))
+    /// What the rows change by with a small motion, of pose and rate over time, that sensors of these ages show.
+    pub(super) fn read_small(&self, ages: Ages, pose: impl Fn(f64) -> [f64; 3], rate: impl Fn(f64) -> f64) -> Vec<f64> {
+        self.averaged(|k| pose(self.pose_t_s[k] - ages.pose_s), |k| rate(self.gyro_t_s[k] - ages.gyro_s))
     }
 
     /// The rows that a motion would give.
     pub(super) fn read(&self, motion: &Motion) -> Vec<f64> {
-        let sensors = &motion.physics.sensors;
-        let (mocap_age, gyro_age) = (sensors.age_s(Stream::BasePose), sensors.age_s(Stream::Gyro));
-        let pose = |k: usize| motion.pose_reading(self.pose_t_s[k] - mocap_age);
-        let rate = |k: usize| sensors.gyro_reading(motion.rate(self.gyro_t_s[k] - gyro_age));
+        let (sensors, ages) = (&motion.physics.sensors, Ages::of(&motion.physics));
+        let pose = |k: usize| motion.pose_reading(self.pose_t_s[k] - ages.pose_s);
+        let rate = |k: usize| sensors.gyro_reading(motion.rate(self.gyro_t_s[k] - ages.gyro_s));
         self.averaged(pose, rate)
     }
 }

@@ -6,9 +6,10 @@
 use super::carriage::{Carriage, Path, rotated};
 use super::prediction::Predictor;
 use fss_multibody::ModelError;
-use fss_plant::{Grid, Physics, Plant, Rollout};
+use fss_plant::{Effect, Grid, Physics, Plant, Rollout};
 
 /// The thrusts along a run.
+#[derive(Clone)]
 pub(super) struct ThrustErrors {
     /// Of each step from a block to the next, the mean force of each thruster along x and y (table axes, N) and its mean moment
     /// about the centre of mass (N m).
@@ -18,16 +19,17 @@ pub(super) struct ThrustErrors {
 }
 
 impl ThrustErrors {
+    /// Of a plant with these effects: errors act where and when the thrust does.
     pub(super) fn new(
-        plant: &Plant,
+        (plant, effects): (&Plant, &[Effect]),
         predictor: &Predictor,
         (path, carriage): (&Path, &Carriage),
         times: &[f64],
     ) -> Result<Self, ModelError> {
         let grid = predictor.pose.grid;
         let cells = Grid { start_s: grid.start_s, step_s: grid.step_s, steps: grid.cells };
-        let forces = Rollout::with(plant, &plant.effects)?.thruster_forces(&predictor.valves, &cells);
-        let thrusters = Physics::with(plant, &plant.effects).thrusters;
+        let forces = Rollout::with(plant, effects)?.thruster_forces(&predictor.valves, &cells);
+        let thrusters = Physics::with(plant, effects).thrusters;
         let pushing: Vec<_> =
             forces.iter().zip(&thrusters).filter(|(force, _)| force.iter().any(|f| *f != 0.0)).collect();
         let mean = |(force, thruster): &(&Vec<f64>, &fss_plant::ThrusterPhysics), from_s: f64, to_s: f64| {

@@ -5,7 +5,7 @@ use super::path::MeasuredPath;
 use super::rows::{Kind, Row, Slopes, moments};
 use crate::friction::direction;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS};
-use fss_plant::Plant;
+use fss_plant::{Plant, Stream};
 use nalgebra::Matrix3;
 
 /// Step of central differences of torques by angles and rates, rad and rad/s: torques are polynomials of rates and
@@ -243,12 +243,19 @@ pub(super) fn torque_slopes(mechanics: &Mechanics, t_s: f64, links: usize) -> Ve
     (0..3 * links).map(slope).collect()
 }
 
-/// The end-effector's place in the base's frame by the joints' angles.
+/// The end-effector's place in the base's frame by the joints' angles, and where it is shown later than telemetry is, by their rates: it
+/// shows them as they were.
 fn tip_slopes(mechanics: &Mechanics, t_s: f64, links: usize, axis: usize) -> Vec<(usize, f64)> {
+    let sensors = &mechanics.physics(t_s).sensors;
+    let age_s = sensors.age_s(Stream::EePose);
     let mut q = Coordinates::zeros();
-    q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&mechanics.arm(t_s).q_rad);
+    q.fixed_rows_mut::<MAX_LINKS>(3).copy_from(&mechanics.arm(t_s - age_s).q_rad);
     let jacobian = mechanics.model(t_s).jacobian(&q);
-    (0..links).map(|j| (3 * j, jacobian[(axis, 3 + j)])).collect()
+    let by = |j: usize| {
+        let (slope, later_s) = (jacobian[(axis, 3 + j)], age_s - sensors.link_age_s(j));
+        std::iter::once((3 * j, slope)).chain((later_s != 0.0).then_some((3 * j + 1, -later_s * slope)))
+    };
+    (0..links).flat_map(by).collect()
 }
 
 /// A joint at rest has one static friction, however often it is looked at: all rows of a rest together say as much as one.
