@@ -11,7 +11,7 @@
 //! Headings in forces and rotations are the measured ones, so that the prediction is linear in forces. The noise model has the
 //! state (p_x v_x p_y v_y theta L f_x f_y tau): deviations of X, theta and L, and a coloured force and torque on the base's
 //! origin; besides white force and torque, errors of each thruster in proportion to its thrust, and where there is an arm, errors
-//! of its momentum and centre of mass.
+//! of its momentum and centre of mass. Sensors show deviations as they show the motion: late, and by their scale.
 
 mod arrivals;
 mod carriage;
