@@ -26,14 +26,14 @@ mod shown;
 mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
-use crate::memo::{Memo, are_loaded_alike};
+use crate::memo::{Memo, are_loaded_alike, are_pushed_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives, link_ages_s};
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Physics, Plant, Pulse, Stream, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::Predictor;
@@ -216,7 +216,7 @@ impl BaseBlock {
             let encoders = EncoderPath::smoothed(&self.run, (&plant, &ages_s), self.pose.grid, &self.answers);
             Arc::new(About::new(&plant, (&self.run, &self.samples, &self.pose), encoders)?)
         };
-        let noise = if pushes_alike(&physics, &nominal) {
+        let noise = if are_pushed_alike(&physics, &nominal) {
             about.noise.clone()
         } else {
             Arc::new(about.noise.with_thrust_of((plant, effects), &nominal, &about.predictor)?)
@@ -224,12 +224,6 @@ impl BaseBlock {
         *self.present() = Some(Present { about: about.clone(), noise, shown: Shown::by(&physics) });
         Ok(about)
     }
-}
-
-/// Whether commands make the same thrust.
-fn pushes_alike(a: &Physics, b: &Physics) -> bool {
-    let early_s = |physics: &Physics| physics.sensors.clock_offset_s[Stream::Valves as usize];
-    a.thrusters == b.thrusters && a.supply == b.supply && early_s(a) == early_s(b)
 }
 
 /// Cells in which the heading turns little.

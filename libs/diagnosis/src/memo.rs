@@ -1,6 +1,6 @@
 //! What is computed once for plants that are alike in what it hangs on.
 
-use fss_plant::Physics;
+use fss_plant::{Physics, Stream};
 use std::sync::{Arc, Mutex};
 
 /// Values that hang on a few parts of the physics, kept for the physics that were asked for last.
@@ -21,6 +21,12 @@ pub(crate) fn are_geared_alike(a: &Physics, b: &Physics) -> bool {
 pub(crate) fn are_loaded_alike(a: &Physics, b: &Physics) -> bool {
     let driven = Physics { joints: b.joints.clone(), servos: b.servos.clone(), ..a.clone() };
     are_geared_alike(a, b) && driven == *b
+}
+
+/// Whether commands make the same thrust on two plants.
+pub(crate) fn are_pushed_alike(a: &Physics, b: &Physics) -> bool {
+    let early_s = |physics: &Physics| physics.sensors.clock_offset_s[Stream::Valves as usize];
+    a.thrusters == b.thrusters && a.supply == b.supply && early_s(a) == early_s(b)
 }
 
 /// Enough for the plant itself and for each thread's own present variation.

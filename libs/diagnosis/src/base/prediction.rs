@@ -2,7 +2,7 @@
 
 use super::carriage::{Carriage, Path, rotated};
 use super::laws::{Cell, Laws};
-use crate::memo::{Memo, are_geared_alike};
+use crate::memo::{Memo, are_geared_alike, are_pushed_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use fss_multibody::ModelError;
 use fss_plant::{BaseMotion, Effect, Grid, JointSample, Physics, Plant, Rollout, ValveHistory};
@@ -75,10 +75,7 @@ impl Predictor {
     ) -> Result<Arc<Vec<[f64; 3]>>, ModelError> {
         let grid = self.pose.grid;
         let same = |a: &Physics, b: &Physics| {
-            a.thrusters == b.thrusters
-                && a.supply == b.supply
-                && a.sensors.clock_offset_s == b.sensors.clock_offset_s
-                && !a.thrusters.iter().chain(&b.thrusters).any(|t| t.plume_fraction > 0.0)
+            are_pushed_alike(a, b) && !a.thrusters.iter().chain(&b.thrusters).any(|t| t.plume_fraction > 0.0)
         };
         self.thrusts.get(physics, same, || {
             let rollout = Rollout::with(plant, effects)?;

@@ -6,6 +6,7 @@
 use super::path::MeasuredPath;
 use super::track::Track;
 use crate::friction::direction;
+use crate::memo::are_pushed_alike;
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, Model, ModelError, State};
 use fss_plant::{
@@ -112,11 +113,7 @@ impl NominalThrust {
     }
 
     fn is_of(&self, physics: &Physics) -> bool {
-        let (a, b) = (&self.physics, physics);
-        let valves = Stream::Valves as usize;
-        a.thrusters == b.thrusters
-            && a.supply == b.supply
-            && a.sensors.clock_offset_s[valves] == b.sensors.clock_offset_s[valves]
+        are_pushed_alike(&self.physics, physics)
     }
 }
 
