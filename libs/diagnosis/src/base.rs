@@ -26,7 +26,7 @@ mod shown;
 mod thrust_errors;
 
 use crate::block::{Block, HyperParameter};
-use crate::memo::{Memo, are_loaded_alike, are_pushed_alike};
+use crate::memo::{Memo, are_loaded_alike, are_pushed_alike, are_steady};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives, link_ages_s};
 use fss_estimation::Columns;
@@ -243,7 +243,9 @@ impl Block for BaseBlock {
         let about = self.about(plant, effects)?;
         let physics = Physics::with(plant, effects);
         let read = || Ok(self.samples.read(&about.predictor.motion(plant, effects)?));
-        let mut rows = about.rows.get(&physics, are_loaded_alike, read)?.to_vec();
+        // With an onset, the plant is another one later.
+        let is_steady = are_steady(effects);
+        let mut rows = if is_steady { about.rows.get(&physics, are_loaded_alike, read)?.to_vec() } else { read()? };
         let records = (&self.samples, datagrams(plant, &self.run), self.arm_moves);
         if let Some(change) =
             about.answer((plant, effects), &physics, records, (&self.answers, &self.driven_otherwise))?

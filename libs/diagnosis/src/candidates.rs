@@ -33,11 +33,11 @@ pub(crate) struct Candidate {
     /// The kind that it is one of, for the prior: each kind is as likely as any other.
     pub(crate) kind: String,
     pub(crate) prior: Prior,
-    /// Value of the shape, of [`Response::Shape`] and [`Response::Scale`]; of a spring, or a shift in time, the size of its coordinate that
+    /// Value of the shape, of [`Response::Shape`] and [`Response::Scale`]; of [`Response::Onset`] when it begins, s; of a spring, or a shift in time, the size of its coordinate that
     /// its columns are taken at.
     shape: f64,
     /// What lies between its shape and those of its neighbours where it may be anywhere between: of a law in time Hz, of a scale the
-    /// logarithm of their ratio.
+    /// logarithm of their ratio, of an onset s.
     spacing: Option<f64>,
     /// Number of coordinates.
     pub(crate) size: usize,
@@ -53,7 +53,7 @@ impl Candidate {
         match self.prior.response {
             _ if self.is_law => [f64::NEG_INFINITY, f64::INFINITY],
             Response::Linear => [parameter.lower - nominal, parameter.upper - nominal],
-            Response::Strength | Response::Shape(_) | Response::Scale(_) if coordinate == 0 => {
+            Response::Strength | Response::Shape(_) | Response::Scale(_) | Response::Onset if coordinate == 0 => {
                 [parameter.lower - nominal, parameter.upper - nominal]
             }
             Response::Inverse => [0.0, f64::INFINITY],
@@ -141,13 +141,21 @@ impl Candidate {
                 values[0] = nominal[0] + c[0];
                 values[1] = c.get(1).copied().unwrap_or(self.shape.ln()).exp();
             }
+            Response::Onset => values[0] = nominal[0] + c[0],
             Response::Inverse => values[0] = 1.0 / (c[0] + 1.0 / nominal[0]).max(1e-9),
             Response::Discrete => {}
         }
         for (value, parameter) in values.iter_mut().zip(self.nominal.about().parameters) {
             *value = value.clamp(parameter.lower, parameter.upper);
         }
-        vec![self.nominal.clone().with(&values)]
+        let effect = self.nominal.clone().with(&values);
+        let begins_s = c.get(1).copied().unwrap_or(self.shape);
+        vec![if self.begins_late() { effect.from_onset(begins_s) } else { effect }]
+    }
+
+    /// Whether it begins in the course of a run.
+    pub(crate) fn begins_late(&self) -> bool {
+        self.prior.response == Response::Onset && self.shape > 0.0
     }
 
     /// A law's coordinates are its strength, or the strengths of its cosine and sine, of a force along x, then y. Behind them its
@@ -166,9 +174,10 @@ impl Candidate {
         strengths.chunks(2).zip(along).filter_map(|(c, along)| part(along, c)).collect()
     }
 
-    /// Between which the likeliest shape is sought, those of its neighbours: frequencies of a law in time, logarithms of a scale.
+    /// Between which the likeliest shape is sought, those of its neighbours: frequencies of a law in time, logarithms of a scale, onsets.
     pub(crate) fn shapes(&self) -> Option<[f64; 2]> {
-        let own = if self.is_law { self.shape } else { self.shape.ln() };
+        let is_scale = matches!(self.prior.response, Response::Scale(_));
+        let own = if is_scale { self.shape.ln() } else { self.shape };
         self.spacing.map(|spacing| [own - spacing, own + spacing])
     }
 }
@@ -185,7 +194,7 @@ pub(crate) struct Records {
 
 /// Every cause that the plant can have, laws among them.
 pub(crate) fn candidates(plant: &Plant, records: &Records) -> Vec<Candidate> {
-    let of = |effect: &Effect, suffix: &str| of(effect, plant, suffix, records.swing);
+    let of = |effect: &Effect, suffix: &str| of(effect, plant, suffix, records);
     let mut all: Vec<Candidate> = effects::candidates(plant).iter().flat_map(|effect| of(effect, "")).collect();
     // What all thrusters or all links share lies upstream of them.
     let shared = |kind: &&&dyn EffectKind| {
@@ -209,7 +218,10 @@ pub(crate) fn candidates(plant: &Plant, records: &Records) -> Vec<Candidate> {
 /// What swings on a spring tells its frequency: stiffnesses are tried over the widths of the prior, in octaves.
 const OCTAVES: std::ops::RangeInclusive<i32> = -4..=2;
 
-fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidate> {
+/// Times in a run at which what may begin in its course is tried.
+const ONSETS: usize = 19;
+
+fn of(effect: &Effect, plant: &Plant, suffix: &str, records: &Records) -> Vec<Candidate> {
     let prior = effect.kind().prior(plant, effect.index().map(|i| i - 1));
     let kind = format!("{}{suffix}", effect.id());
     let one = |size: usize, shape: f64| Candidate {
@@ -233,7 +245,14 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, swing: bool) -> Vec<Candidat
             let spacing = Some(values.windows(2).map(|v| (v[1] / v[0]).ln()).fold(0.0, f64::max));
             values.iter().map(|value| Candidate { spacing, ..one(1, *value) }).collect()
         }
-        Response::Inverse if swing => OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect(),
+        Response::Onset => {
+            let between_s = records.duration_s / (ONSETS + 1) as f64;
+            let later = (1..=ONSETS).map(|k| Candidate { spacing: Some(between_s), ..one(1, k as f64 * between_s) });
+            std::iter::once(one(1, 0.0)).chain(later).collect()
+        }
+        Response::Inverse if records.swing => {
+            OCTAVES.map(|octave| one(1, prior.typical[0] * 2.0_f64.powi(octave))).collect()
+        }
         Response::Inverse => vec![one(1, SLAB_WIDTHS[0] * prior.typical[0])],
         Response::Discrete => vec![one(1, 0.0)],
     }

@@ -180,7 +180,7 @@ fn deviations(problem: &Problem, set: &Found, place: usize, posterior: &SetPoste
     let mut std = vec![0.0; own.nominal.values().len()];
     match own.prior.response {
         Response::Linear => (0..own.size).for_each(|i| std[i] = variance(i, i).sqrt()),
-        Response::Shape(_) | Response::Scale(_) => std[0] = variance(0, 0).sqrt(),
+        Response::Shape(_) | Response::Scale(_) | Response::Onset => std[0] = variance(0, 0).sqrt(),
         Response::Discrete => {}
         Response::Inverse => std[0] = variance(0, 0).sqrt() / mean(0).powi(2),
         Response::Strength => {

@@ -31,7 +31,7 @@ mod telemetry;
 mod track;
 
 use crate::block::{Block, HyperParameter};
-use crate::memo::{Memo, are_loaded_alike};
+use crate::memo::{Memo, are_loaded_alike, are_steady};
 use crate::servo_response::{self, Answers, Elasticity, Swing, datagrams, elasticity, link_ages_s};
 use driven::Anchor;
 use fss_estimation::Columns;
@@ -318,7 +318,7 @@ impl JointBlock {
     ) -> Result<Arc<Vec<Loaded>>, ModelError> {
         let loaded = || Ok(linearize::loaded(mechanics, path, &self.rows));
         // With an onset, the plant is another one later.
-        if effects.iter().any(|e| e.onset_s().is_some()) {
+        if !are_steady(effects) {
             return loaded().map(Arc::new);
         }
         self.loaded.get(mechanics.physics(0.0), are_loaded_alike, loaded)

@@ -1,6 +1,6 @@
 //! What is computed once for plants that are alike in what it hangs on.
 
-use fss_plant::{Physics, Stream};
+use fss_plant::{Effect, Physics, Stream};
 use std::sync::{Arc, Mutex};
 
 /// Values that hang on a few parts of the physics, kept for the physics that were asked for last.
@@ -27,6 +27,11 @@ pub(crate) fn are_loaded_alike(a: &Physics, b: &Physics) -> bool {
 pub(crate) fn are_pushed_alike(a: &Physics, b: &Physics) -> bool {
     let early_s = |physics: &Physics| physics.sensors.clock_offset_s[Stream::Valves as usize];
     a.thrusters == b.thrusters && a.supply == b.supply && early_s(a) == early_s(b)
+}
+
+/// Whether the same acts from the start of a run to its end.
+pub(crate) fn are_steady(effects: &[Effect]) -> bool {
+    effects.iter().all(|e| e.onset_s().is_none())
 }
 
 /// Enough for the plant itself and for each thread's own present variation.
@@ -66,7 +71,7 @@ impl<V> Memo<V> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use fss_plant::{Effect, Plant};
+    use fss_plant::Plant;
 
     #[test]
     fn the_same_motion_takes_the_same_torques_where_drives_alone_differ() {

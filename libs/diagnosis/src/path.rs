@@ -30,6 +30,11 @@ impl TimeGrid {
         (0..=self.cells).map(|k| self.edge_s(k)).collect()
     }
 
+    /// The edge next to a time.
+    pub(crate) fn nearest(&self, t_s: f64) -> usize {
+        ((t_s - self.start_s) / self.step_s).round().clamp(0.0, self.cells as f64) as usize
+    }
+
     /// Cell that holds a time, and how far into it, s; outside, the first or last cell goes on.
     pub(crate) fn locate(&self, t_s: f64) -> (usize, f64) {
         let cell = ((t_s - self.start_s) / self.step_s).floor().clamp(0.0, self.cells as f64 - 1.0) as usize;

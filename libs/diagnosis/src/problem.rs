@@ -199,10 +199,12 @@ impl Problem {
         &hyper[mine..mine + member.block.hyper_parameters().len()]
     }
 
-    /// Whether a candidate's columns in a block serve the first look at all candidates: a law's are many, and show in the base.
+    /// Whether a candidate's columns in a block serve the first look at all candidates: those of laws and onsets are many, and show in the
+    /// base.
     pub(crate) fn at_first(&self, candidate: usize, member: &Member) -> bool {
-        let is_law = self.candidates[candidate].is_law;
-        let shows = !is_law || Some(member.family) == self.members.iter().map(|m| m.family).min();
+        let own = &self.candidates[candidate];
+        let shows =
+            !(own.is_law || own.begins_late()) || Some(member.family) == self.members.iter().map(|m| m.family).min();
         shows && self.seen_in[candidate].is_none_or(|run| run == member.run)
     }
 

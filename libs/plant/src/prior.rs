@@ -26,6 +26,8 @@ pub enum Response {
     Shape(&'static [f64]),
     /// The first parameter acts in proportion, the second, larger than 0, is anywhere about these values, evenly in its logarithm.
     Scale(&'static [f64]),
+    /// The first parameter acts in proportion, from the start of a run or from any time in it.
+    Onset,
     /// The inverse of the first parameter acts in proportion.
     Inverse,
     /// There or not there, without a size.

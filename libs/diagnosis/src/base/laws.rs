@@ -48,14 +48,19 @@ pub(super) struct Laws<'a> {
 }
 
 impl<'a> Laws<'a> {
-    /// Of a base that sets out as its measured path does where that is told from rest.
-    pub(super) fn new(physics: &'a Physics, carriage: &'a Carriage, measured: &'a PosePath, path: &Path) -> Self {
+    /// Of a base that sets out in a cell as its measured path does where that is told from rest.
+    pub(super) fn new(
+        physics: &'a Physics,
+        (carriage, measured, path): (&'a Carriage, &'a PosePath, &Path),
+        first: usize,
+    ) -> Self {
         let mut laws = Self { physics, carriage, measured, momentum: None, rate: Vector3::zeros() };
         if physics.base_laws.iter().any(|law| law.depends_on_velocity) {
-            let start = laws.drawn(Vector3::zeros(), &path.velocity[0], 0, f64::INFINITY);
-            let com_m = rotated(path.turn[0], carriage.com_m[0]);
-            let drift = laws.drift(0, path.pose[0][2]);
-            laws.momentum = Some(momentum(&start, com_m, drift, carriage.inertia_kg_m2[0], carriage.joint_momentum[0]));
+            let start = laws.drawn(Vector3::zeros(), &path.velocity[first], first, f64::INFINITY);
+            let com_m = rotated(path.turn[first], carriage.com_m[first]);
+            let drift = laws.drift(first, path.pose[first][2]);
+            let (inertia, joints) = (carriage.inertia_kg_m2[first], carriage.joint_momentum[first]);
+            laws.momentum = Some(momentum(&start, com_m, drift, inertia, joints));
         }
         laws
     }

@@ -6,6 +6,7 @@ use crate::memo::{Memo, are_geared_alike, are_pushed_alike};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
 use fss_multibody::ModelError;
 use fss_plant::{BaseMotion, Effect, Grid, JointSample, Physics, Plant, Rollout, ValveHistory};
+use std::ops::Range;
 use std::sync::Arc;
 
 pub(super) struct Predictor {
@@ -77,13 +78,16 @@ impl Predictor {
         let same = |a: &Physics, b: &Physics| {
             are_pushed_alike(a, b) && !a.thrusters.iter().chain(&b.thrusters).any(|t| t.plume_fraction > 0.0)
         };
-        self.thrusts.get(physics, same, || {
+        let thrust = || {
             let rollout = Rollout::with(plant, effects)?;
             let cells = Grid { start_s: grid.start_s, step_s: grid.step_s, steps: grid.cells };
             // One sample for the middle of each cell, where the rollout wants two a step.
             let joints: Vec<JointSample> = carriage.samples.iter().flat_map(|s| [*s, *s]).collect();
             Ok(rollout.thrust(&self.valves, &cells, &joints))
-        })
+        };
+        // With an onset, thrusters may be others later.
+        let is_steady = Physics::stages(plant, effects).iter().all(|(_, stage)| are_pushed_alike(stage, physics));
+        if is_steady { self.thrusts.get(physics, same, thrust) } else { thrust().map(Arc::new) }
     }
 
     /// Lets the next motion asked for be the one that is kept.
@@ -93,41 +97,64 @@ impl Predictor {
         self.thrusts.forget();
     }
 
+    /// What begins in the course of the run does so at the edge next to its onset; sensors are from the start what they become.
     pub(super) fn motion(&self, plant: &Plant, effects: &[Effect]) -> Result<Motion, ModelError> {
         let physics = Physics::with(plant, effects);
         let path = self.path(&physics);
-        let carriage = self.carriage(&physics)?;
-        let thrust = self.thrust(plant, effects, &physics, &carriage)?;
+        let thrust = self.thrust(plant, effects, &physics, &*self.carriage(&physics)?)?;
         let grid = self.pose.grid;
-        let laws = Laws::new(&physics, &carriage, &self.pose, &path);
-        let (pose, rate) = integrate(&physics, grid, (&path, &carriage, &thrust), laws);
+        let stages = Physics::stages(plant, effects);
+        let first = |stage: usize| match stages.get(stage) {
+            Some((onset_s, _)) => grid.nearest(*onset_s),
+            None => grid.cells,
+        };
+        let (mut pose, mut rate) = (Vec::with_capacity(grid.cells + 1), Vec::with_capacity(grid.cells + 1));
+        let mut state = BaseState { pose: path.pose[0], velocity: path.velocity[0] };
+        for (stage, (_, physics)) in stages.iter().enumerate() {
+            let cells = if stage == 0 { 0 } else { first(stage) }..first(stage + 1);
+            if cells.is_empty() {
+                continue;
+            }
+            let carriage = self.carriage(physics)?;
+            let laws = Laws::new(physics, (&carriage, &self.pose, &path), cells.start);
+            let parts = (&*path, &*carriage, thrust.as_slice());
+            state = integrate(physics, (grid, cells), parts, laws, (state, &mut pose, &mut rate));
+        }
+        pose.push(state.pose);
+        rate.push(state.velocity[2]);
         let [mx, my] = physics.sensors.marker_offset_m;
         let marker_m = path.turn.iter().map(|turn| rotated(*turn, [mx, my])).collect();
         Ok(Motion { physics, grid, pose, rate, marker_m })
     }
 }
 
-/// Momentum from forces, pose and rate from momentum.
+/// Pose and velocity of the base, table axes.
+struct BaseState {
+    pose: [f64; 3],
+    velocity: [f64; 3],
+}
+
+/// Momentum from forces, pose and rate from momentum, at the first edges of the cells from a state there; returns that at the last edge.
 fn integrate(
     physics: &Physics,
-    grid: TimeGrid,
+    (grid, cells): (TimeGrid, Range<usize>),
     (path, carriage, thrust): (&Path, &Carriage, &[[f64; 3]]),
     mut laws: Laws,
-) -> (Vec<[f64; 3]>, Vec<f64>) {
+    (from, poses, rates): (BaseState, &mut Vec<[f64; 3]>, &mut Vec<f64>),
+) -> BaseState {
     let dt = grid.step_s;
     let com: Vec<[f64; 2]> = path.turn.iter().zip(&carriage.com_m).map(|(turn, c)| rotated(*turn, *c)).collect();
-    let (first, inertia) = (path.pose[0], &carriage.inertia_kg_m2);
-    let mut place = [first[0] + com[0][0], first[1] + com[0][1]];
-    let mut speed: [f64; 2] = std::array::from_fn(|i| path.velocity[0][i] + (com[1][i] - com[0][i]) / dt);
-    let mut momentum = inertia[0] * path.velocity[0][2] + carriage.joint_momentum[0];
-    let mut theta = first[2];
-    let (mut poses, mut rates) = (Vec::with_capacity(grid.cells + 1), Vec::with_capacity(grid.cells + 1));
-    for k in 0..=grid.cells {
+    let drift = |k: usize, i: usize| (com[k.min(grid.cells - 1) + 1][i] - com[k.min(grid.cells - 1)][i]) / dt;
+    let inertia = &carriage.inertia_kg_m2;
+    let Range { start, end } = cells;
+    let mut place: [f64; 2] = std::array::from_fn(|i| from.pose[i] + com[start][i]);
+    let mut speed: [f64; 2] = std::array::from_fn(|i| from.velocity[i] + drift(start, i));
+    let mut momentum = inertia[start] * from.velocity[2] + carriage.joint_momentum[start];
+    let mut theta = from.pose[2];
+    let rate = |momentum: f64, k: usize| (momentum - carriage.joint_momentum[k]) / inertia[k];
+    for k in cells {
         poses.push([place[0] - com[k][0], place[1] - com[k][1], theta]);
-        rates.push((momentum - carriage.joint_momentum[k]) / inertia[k]);
-        if k == grid.cells {
-            break;
-        }
+        rates.push(rate(momentum, k));
         let middle = |a: f64, b: f64| 0.5 * (a + b);
         let pose: [f64; 3] = std::array::from_fn(|i| middle(path.pose[k][i], path.pose[k + 1][i]));
         let velocity: [f64; 3] = std::array::from_fn(|i| middle(path.velocity[k][i], path.velocity[k + 1][i]));
@@ -150,7 +177,9 @@ fn integrate(
         theta += dt * turning / middle(inertia[k], inertia[k + 1]);
         momentum += dt * torque;
     }
-    (poses, rates)
+    let [vx, vy] = std::array::from_fn(|i| speed[i] - drift(end, i));
+    let pose = [place[0] - com[end][0], place[1] - com[end][1], theta];
+    BaseState { pose, velocity: [vx, vy, rate(momentum, end)] }
 }
 
 impl Motion {

@@ -6,7 +6,7 @@
 use super::path::MeasuredPath;
 use super::track::Track;
 use crate::friction::direction;
-use crate::memo::are_pushed_alike;
+use crate::memo::{are_pushed_alike, are_steady};
 use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, JointVector, MAX_LINKS, Model, ModelError, State};
 use fss_plant::{
@@ -130,8 +130,7 @@ impl<'a> Mechanics<'a> {
     ) -> Result<Self, ModelError> {
         let rollout = Rollout::with(plant, effects)?;
         // An onset changes what acts during the run: thrust is then taken as it comes.
-        let steady = effects.iter().all(|e| e.onset_s().is_none());
-        let known = thrust.filter(|known| steady && known.is_of(rollout.physics(0.0)));
+        let known = thrust.filter(|known| are_steady(effects) && known.is_of(rollout.physics(0.0)));
         let thrust = known.map_or_else(|| ThrustSeries::new(&rollout, run, path), |known| known.series.clone());
         Ok(Self { path, wind_up, rollout, thrust })
     }

@@ -4,7 +4,7 @@ use crate::effect::Effect;
 use crate::file::Plant;
 use crate::kind::{About, EffectKind, Index, Parameter, Place};
 use crate::physics::Physics;
-use crate::prior::Prior;
+use crate::prior::{Prior, Response};
 
 pub(super) struct Payload;
 
@@ -24,7 +24,7 @@ impl EffectKind for Payload {
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let _ = index;
         let mass = plant.links.last().map_or(1.0, |l| l.mass_kg);
-        Prior::sized(&[0.04 * mass], &[1e-4 * mass])
+        Prior::sized(&[0.04 * mass], &[1e-4 * mass]).responding(Response::Onset)
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
