@@ -219,6 +219,30 @@ fn a_heavier_base_alone_is_named_where_the_arm_moves_as_that_lets_it() {
     assert!((inertia_kg_m2 / 0.5 - 1.0).abs() < 0.02, "{inertia_kg_m2} kg m2");
 }
 
+/// Its mass is there for a part of a run: once that was called a base and two links of other masses, at 99 %.
+#[test]
+fn what_is_grasped_in_a_run_is_a_payload_from_then_on() {
+    let flown = Flown::with("id = \"payload\"\nmass_kg = 1.5\nonset_s = 17.3", &["mixed"]);
+    let answer = flown.diagnosed("plant.toml", "out");
+    let causes = answer["causes"].as_array().unwrap();
+    assert_eq!((causes.len(), &causes[0]["effect"]), (1, &"payload".into()), "{answer}");
+    for (name, truth, within) in [("mass_kg", 1.5, 0.05), ("onset_s", 17.3, 0.2)] {
+        let value = causes[0]["parameters"][name]["value"].as_f64().unwrap();
+        assert!((value - truth).abs() < within, "{name} {value}");
+    }
+    let again = flown.diagnosed("out/extended.toml", "again");
+    assert_eq!(again["causes"].as_array().unwrap().len(), 0, "a plant file that knows when it is grasped: {again}");
+}
+
+/// The joints are told to rest, and no servo answers to anything: once a torque there was taken for what servos do as they settle.
+#[test]
+fn a_resting_joint_that_the_clock_shakes_is_told_as_what_no_effect_explains() {
+    let shaken =
+        "id = \"unmodelled\"\nchannel = \"joint_torque_2\"\nfrequency_Hz = 0.45\nstrength = 0.15\nphase_rad = 0.5";
+    let answer = Flown::with(shaken, &["coast"]).diagnosed("plant.toml", "out");
+    assert_eq!((&answer["verdict"], &answer["causes"]), (&"unexplained".into(), &serde_json::json!([])), "{answer}");
+}
+
 /// Friction holds the joint, whatever its motor gives: once that was called a motor without torque, at 99 %.
 #[test]
 fn of_a_joint_that_rests_nothing_is_said_of_its_motor() {

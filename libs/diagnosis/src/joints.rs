@@ -42,7 +42,7 @@ use hyper::{Hyper, hyper_parameters};
 use linearization::Linearization;
 use linearize::Loaded;
 use mechanics::{Loads, Mechanics, NominalThrust, WindUp};
-use noise::NoiseModel;
+use noise::{ANY_SHARE, NoiseModel};
 use path::MeasuredPath;
 use rows::{Kind, Row};
 use std::f64::consts::TAU;
@@ -191,11 +191,11 @@ fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> N
     }
 }
 
-/// An acceleration that no error of the path is as large as, rad/s2: ten times the path's own.
+/// An acceleration that no error of the path is as large as, rad/s2.
 fn any_acceleration(path: &MeasuredPath) -> f64 {
     let squares = path.joints.iter().flat_map(|track| path.grid_s().map(|t| track.at(t)[2].powi(2)));
     let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-    10.0 * (sum / f64::max(count, 1.0)).sqrt() + 1.0
+    ANY_SHARE * (sum / f64::max(count, 1.0)).sqrt() + 1.0
 }
 
 /// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.

@@ -13,6 +13,8 @@ use fss_estimation::{Columns, Step, Whitener};
 
 /// Standard deviations at the first row, much more than anything: rad, rad/s.
 const START_SD: [f64; 2] = [10.0, 30.0];
+/// No error of a path's acceleration is as many times the path's own.
+pub(super) const ANY_SHARE: f64 = 10.0;
 /// Pauses so many times longer than other intervals say nothing of a swinging arm's motion.
 const PAUSE: f64 = 2.5;
 /// Where no sensor has noise: share of the torque scale that a free joint's bearing is known to leave, for numerics.
@@ -33,13 +35,13 @@ pub(super) struct NoiseModel {
     pub(super) slopes: Vec<Slopes>,
     /// Commanded acceleration of each joint before each moment, root mean square over some tenths of a second, rad/s2.
     pub(super) activity: Vec<Vec<f64>>,
-    /// Standard deviation of an acceleration beside the path's before torques tell it, rad/s2: of a swinging arm, and at an instant
-    /// of one that datagrams command.
+    /// Standard deviation of a swinging arm's acceleration beside the path's before torques tell it, rad/s2.
     pub(super) any_acceleration: f64,
     /// Usual interval between telemetry rows, s.
     pub(super) interval_s: f64,
     /// Whether datagrams command the joints: after each, servos settle within some hundredths of a second, in which accelerations hang
-    /// on gains and on when exactly it arrived. What they are when a row is read is not known but from the torques of that row.
+    /// on gains and on when exactly it arrived. What they are when a row is read is not known but from the torques of that row; a joint
+    /// that is told to rest has none.
     pub(super) is_told_by_datagrams: bool,
 }
 
@@ -118,7 +120,8 @@ impl NoiseModel {
             initial[(3 * j + 2) * (n + 1)] = self.acceleration_variance(0, j, hyper);
         }
         (3 * self.links..places.before).for_each(|i| initial[i * (n + 1)] = 1.0);
-        (places.before..n).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
+        (places.before..places.instant).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
+        (places.instant..n).for_each(|i| initial[i * (n + 1)] = self.instant_variance(0, i - places.instant));
         let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
         let mut filter = Whitener::new(n, &initial, columns);
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
@@ -143,8 +146,16 @@ impl NoiseModel {
         if self.driven {
             return self.any_acceleration * self.any_acceleration;
         }
-        let activity = self.activity.get(moment).map_or(0.0, |a| a[joint]);
-        hyper.acceleration[0].powi(2) + (hyper.acceleration[1] * activity).powi(2)
+        hyper.acceleration[0].powi(2) + (hyper.acceleration[1] * self.activity(moment, joint)).powi(2)
+    }
+
+    /// Of an acceleration at an instant, beside the path's: whatever servos do as they settle.
+    fn instant_variance(&self, moment: usize, joint: usize) -> f64 {
+        (ANY_SHARE * self.activity(moment, joint)).powi(2)
+    }
+
+    fn activity(&self, moment: usize, joint: usize) -> f64 {
+        self.activity.get(moment).map_or(0.0, |a| a[joint])
     }
 
     fn step(
@@ -189,7 +200,7 @@ impl NoiseModel {
             transition.push((i, i, (-dt_s / hyper.torque_s).exp()));
             noise.push((i, i, -(-2.0 * dt_s / hyper.torque_s).exp_m1()));
         }
-        noise.extend((places.instant..places.count).map(|i| (i, i, self.any_acceleration.powi(2))));
+        noise.extend((places.instant..places.count).map(|i| (i, i, self.instant_variance(moment, i - places.instant))));
     }
 
     /// The states that a row measures and the variance of its noise.
