@@ -33,8 +33,8 @@ pub(crate) struct Candidate {
     /// The kind that it is one of, for the prior: each kind is as likely as any other.
     pub(crate) kind: String,
     pub(crate) prior: Prior,
-    /// Value of the shape, of [`Response::Shape`] and [`Response::Scale`]; of [`Response::Onset`] when it begins, s; of a spring, or a shift in time, the size of its coordinate that
-    /// its columns are taken at.
+    /// Value of the shape, of [`Response::Shape`] and [`Response::Scale`]; of [`Response::Onset`] when it begins, s; of a spring, or a
+    /// shift in time, the size of its coordinate that its columns are taken at.
     shape: f64,
     /// What lies between its shape and those of its neighbours where it may be anywhere between: of a law in time Hz, of a scale the
     /// logarithm of their ratio, of an onset s.
