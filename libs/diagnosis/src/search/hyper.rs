@@ -16,6 +16,9 @@ const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
 const FAR: [f64; 3] = [-4.0, 2.5, 5.0];
 /// So many sets have the hyper-parameters that suit them best among those that all are compared at.
 pub(super) const PROMISING: usize = 3;
+/// The last steps of hyper-parameters over the deviations of their priors, and evaluations at the most.
+const FINEST: f64 = 0.1;
+const EVALUATIONS: usize = 300;
 /// Below this variation from run to run the prior is flat.
 const LEAST_VARIATION: f64 = 0.03;
 /// Runs among which a variation can be told.
@@ -104,8 +107,14 @@ impl Search<'_> {
         which: impl Fn(usize, &HyperParameter) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
+        let all = &self.problem.hyper;
         let bounded = |logs: &[f64]| -> Vec<f64> {
-            logs.iter().zip(&self.problem.hyper).map(|(l, h)| l.exp().clamp(h.bounds[0], h.bounds[1])).collect()
+            logs.iter().zip(all).map(|(l, h)| l.exp().clamp(h.bounds[0], h.bounds[1])).collect()
+        };
+        // A stated noise is known to a part of what an unstated strength is: each is sought as finely as its prior is wide.
+        let units: Vec<f64> = all.iter().map(|h| h.log_sd.min(1.5)).collect();
+        let scaled = |values: &[f64], by: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
+            values.iter().zip(&units).map(|(value, unit)| by(*value, *unit)).collect()
         };
         let cache = GramCache::default();
         let value = |logs: &[f64]| {
@@ -119,7 +128,7 @@ impl Search<'_> {
         };
         let mut logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
         let mut found = if far { value(&logs) } else { f64::INFINITY };
-        for (i, h) in self.problem.hyper.iter().enumerate() {
+        for (i, h) in all.iter().enumerate() {
             if !far || h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
                 continue;
             }
@@ -132,15 +141,16 @@ impl Search<'_> {
                 }
             }
         }
-        let step =
-            |(h, family): (&HyperParameter, &usize)| if which(*family, h) { width * h.log_sd.min(1.5) } else { 0.0 };
-        let mut steps: Vec<f64> = self.problem.hyper.iter().zip(&self.problem.family_of).map(step).collect();
+        let step = |(h, family): (&HyperParameter, &usize)| if which(*family, h) { width } else { 0.0 };
+        let mut steps: Vec<f64> = all.iter().zip(&self.problem.family_of).map(step).collect();
         // How much causes vary from run to run is judged with all of them, on the grid.
         if let Some(variation) = steps.last_mut() {
             *variation = 0.0;
         }
-        let (best, _) = maximize(&logs, &steps, 0.15, 150, value);
-        bounded(&best)
+        let start = scaled(&logs, &|log, unit| log / unit);
+        let of_scaled = |at: &[f64]| value(&scaled(at, &|at, unit| at * unit));
+        let (best, _) = maximize(&start, &steps, FINEST, EVALUATIONS, of_scaled);
+        bounded(&scaled(&best, &|at, unit| at * unit))
     }
 
     /// Hyper-parameters of a family as the empty set needs them, the strengths of its discrepancies scaled; all others as `present`.
