@@ -79,6 +79,7 @@ impl Game {
         make(folder)?;
         let sealed = serde_json::to_string_pretty(&secret.envelope).into_diagnostic()?;
         write_silently(&folder.join(ENVELOPE_FILE), &sealed)?;
+        write_silently(&folder.join(LABORATORY), &room.to_toml().into_diagnostic()?)?;
         let stacks = stacks(&plant, &experiments, folder)?;
         let drawn_in_s = begun.elapsed().as_secs_f64();
 
@@ -106,6 +107,8 @@ impl Game {
 
 /// The plant file in the folder of a game: what the diagnosis gets.
 const PLANT: &str = "plant.toml";
+/// The laboratory that flies, with what it hides: who has opened the envelope can fly it again, `fss run --laboratory`.
+const LABORATORY: &str = "sealed-laboratory.toml";
 
 /// Writes the vehicle's files into the folder and reads them as a user's: one stack for each experiment.
 fn stacks(plant: &Plant, experiments: &[Experiment], folder: &Path) -> Result<Vec<Stack>> {
