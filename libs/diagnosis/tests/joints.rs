@@ -5,6 +5,7 @@
 use fss_diagnosis::block::{Block, HyperParameter};
 use fss_diagnosis::joints::{JointBlock, joint_block};
 use fss_estimation::Columns;
+use fss_estimation::pattern_search::maximize;
 use fss_experiments::measured::{Drive, Joints, Many, Run};
 use fss_plant::{Effect, Instruments, JointCommand, Plant, Simulation};
 use nalgebra::{DMatrix, DVector};
@@ -105,51 +106,53 @@ fn posterior(block: &JointBlock, columns: &Columns, sd: &[f64], hyper: &[f64]) -
     (-0.5 * (log_det + e.dot(&e) - e.dot(&(&j * &mean))) - ln, mean, factor.inverse())
 }
 
-/// Hyper-parameters of the largest evidence, found one after the other.
+/// Hyper-parameters of the largest evidence, sought as the diagnosis seeks them.
 fn fitted(block: &JointBlock, columns: &Columns, sd: &[f64]) -> Vec<f64> {
     let all: &[HyperParameter] = block.hyper_parameters();
-    let worth = |h: &[f64]| {
-        let prior = h.iter().zip(all).map(|(v, p)| -0.5 * ((v / p.median).ln() / p.log_sd).powi(2)).sum::<f64>();
-        posterior(block, columns, sd, h).0 + prior
-    };
-    let mut best: Vec<f64> = all.iter().map(|p| p.median).collect();
-    let mut value = worth(&best);
-    for factor in [4.0, 2.0, 1.4] {
-        for k in (0..all.len()).filter(|k| all[*k].log_sd > 0.5) {
-            for by in [factor, 1.0 / factor] {
-                loop {
-                    let mut next = best.clone();
-                    next[k] = (next[k] * by).clamp(all[k].bounds[0], all[k].bounds[1]);
-                    let now = worth(&next);
-                    if now <= value + 0.05 {
-                        break;
-                    }
-                    (best, value) = (next, now);
-                }
-            }
+    let unit = |p: &HyperParameter| p.log_sd.min(1.5);
+    let values = |at: &[f64]| -> Vec<f64> { at.iter().zip(all).map(|(x, p)| (x * unit(p)).exp()).collect() };
+    let worth = |at: &[f64]| {
+        let h = values(at);
+        if h.iter().zip(all).any(|(v, p)| *v < p.bounds[0] || *v > p.bounds[1]) {
+            return f64::NEG_INFINITY;
         }
-    }
-    best
+        let prior = h.iter().zip(all).map(|(v, p)| -0.5 * ((v / p.median).ln() / p.log_sd).powi(2)).sum::<f64>();
+        posterior(block, columns, sd, &h).0 + prior
+    };
+    let start: Vec<f64> = all.iter().map(|p| p.median.ln() / unit(p)).collect();
+    // The time over which torques are correlated has several optima: it is sought from short ones, too.
+    let time = all.iter().position(|p| p.name == "correlation of torques, s").unwrap();
+    let from = |shorter: f64| {
+        let mut from = start.clone();
+        from[time] -= shorter;
+        maximize(&from, &vec![1.0; all.len()], 0.1, 300, worth)
+    };
+    let best = [0.0, 2.0, 4.0].map(from).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    values(&best.0)
 }
 
 #[test]
 fn torque_constant_and_friction_are_unbiased() {
-    unbiased_at(&[2.0, 25.0, 100.0]);
+    biased_by_at_most(0.0, &[2.0, 25.0, 100.0, 1000.0]);
 }
 
+/// Between rows of 5 Hz the path is smooth where friction turns: viscous friction comes out 1 % high, a limit that
+/// docs/diagnosis.md names.
 #[test]
-#[ignore = "fails: a path is smooth where friction turns and a servo answers by a jolt: 5 Hz: viscous friction 1 % high; 1000 Hz: torque constant 1 % low"]
-fn torque_constant_and_friction_are_unbiased_at_the_other_rates() {
-    unbiased_at(&[5.0, 1000.0]);
+fn at_five_rows_a_second_they_are_biased_by_less_than_two_percent() {
+    biased_by_at_most(0.02, &[5.0; 4]);
 }
 
-fn unbiased_at(rates_hz: &[f64]) {
+/// Estimates at these rates, each from another seed, differ from the truth by at most a share of each value and what their
+/// deviations say.
+fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
+    let nominal = [1.0, 0.08, 0.12];
     let truth = [0.2, 0.03, 0.06];
     let effects = |x: &[f64]| {
         vec![
-            Effect::new("torque_constant").unwrap().at(1).with(&[1.0 + x[0]]),
-            Effect::new("joint_coulomb_friction").unwrap().at(1).with(&[0.08 + x[1]]),
-            Effect::new("joint_viscous_friction").unwrap().at(2).with(&[0.12 + x[2]]),
+            Effect::new("torque_constant").unwrap().at(1).with(&[nominal[0] + x[0]]),
+            Effect::new("joint_coulomb_friction").unwrap().at(1).with(&[nominal[1] + x[1]]),
+            Effect::new("joint_viscous_friction").unwrap().at(2).with(&[nominal[2] + x[2]]),
         ]
     };
     let (mut sum, mut count) = ([0.0; 3], 0.0);
@@ -183,7 +186,11 @@ fn unbiased_at(rates_hz: &[f64]) {
                 (_, mean, covariance) = posterior(&block, &columns, &sd, &hyper);
                 columns = linearized(mean.as_slice());
             }
-            let z: Vec<f64> = (0..3).map(|k| (mean[k] - truth[k]) / covariance[(k, k)].sqrt()).collect();
+            let beyond = |k: usize| {
+                let error: f64 = mean[k] - truth[k];
+                error.signum() * (error.abs() - share * (nominal[k] + truth[k])).max(0.0)
+            };
+            let z: Vec<f64> = (0..3).map(|k| beyond(k) / covariance[(k, k)].sqrt()).collect();
             println!(
                 "{rate_hz} Hz, noise {noise}: {:.4?} ± {:.4?}, z {z:.1?}",
                 mean.as_slice(),
