@@ -126,21 +126,22 @@ impl Laboratory {
         &self.simulation
     }
 
-    /// Sets all valve lines now; bit 0 is thruster 1.
-    pub fn set_valves(&mut self, mask: u16) {
+    /// Sets all valve lines at `at_ns`, which may lie ahead within the next step; bit 0 is thruster 1.
+    pub fn set_valves(&mut self, mask: u16, at_ns: u64) {
         self.valves = mask;
-        self.move_valves();
+        self.move_valves(at_ns);
     }
 
     /// Opens and shuts what the lines and the faults say.
-    fn move_valves(&mut self) {
+    fn move_valves(&mut self, at_ns: u64) {
+        let at_s = at_ns.saturating_sub(self.start_ns) as f64 / 1e9;
         let open = ActiveFaults::at(&self.config.faults, self.elapsed_s()).valves(self.valves);
         if open == self.open {
             return;
         }
         self.open = open;
         for line in 0..self.simulation.physics().thrusters.len() {
-            self.simulation.set_valve(line, open >> line & 1 == 1, self.simulation.t_s());
+            self.simulation.set_valve(line, open >> line & 1 == 1, at_s);
         }
     }
 
@@ -179,7 +180,7 @@ impl Laboratory {
     /// Lets time pass until `time_ns` and hands over what the devices send meanwhile.
     pub fn step_to(&mut self, time_ns: u64, outputs: &mut dyn DeviceOutputs) {
         while self.now_ns + STEP_NS <= time_ns {
-            self.move_valves();
+            self.move_valves(self.now_ns);
             self.drive_links();
             self.shared_table.apply(self.now_ns, &mut self.simulation);
             self.simulation.step(STEP_NS as f64 * 1e-9);

@@ -13,7 +13,7 @@ fn busy_run(seed: u64) -> common::Heard {
     let config = LabConfig { mocap: bad, gyro: bad, link_up: bad, link_down: bad, ..LabConfig::new(seed, key()) };
     let mut bench = Bench::new(&plant(), config);
     for period in 0..15 {
-        bench.laboratory.set_valves(1 << (period % 8));
+        bench.set_valves(1 << (period % 8));
         bench.command(period % 4, velocity(0.1));
         bench.wait(200 * MS);
     }
@@ -43,7 +43,7 @@ fn open_valves_push_the_base_and_use_gas() {
     let plant = plant();
     let mut bench = Bench::new(&plant, config());
     let full = bench.laboratory.truth();
-    bench.laboratory.set_valves(0b1100);
+    bench.set_valves(0b1100);
     bench.wait(2 * S);
     let pushed = bench.laboratory.truth();
     assert_eq!(pushed.valves[..4], [0, 0, 1, 1]);
@@ -52,9 +52,21 @@ fn open_valves_push_the_base_and_use_gas() {
     let impulse = pushed.momentum[0];
     assert!((impulse - 2.0 * 0.159 * 2.0).abs() < 0.01, "impulse {impulse} N s");
     assert!(pushed.gas_used_kg > 0.0 && pushed.tank_pressure_pa < full.tank_pressure_pa);
-    bench.laboratory.set_valves(0);
+    bench.set_valves(0);
     bench.wait(100 * MS);
     assert!(bench.laboratory.truth().thrust_n.iter().all(|thrust| *thrust == 0.0), "shut");
+}
+
+#[test]
+fn a_valve_opens_when_it_is_told_and_not_at_the_step_before() {
+    let pushed = |later_ns: u64| {
+        let mut bench = Bench::new(&plant(), config());
+        bench.laboratory.set_valves(0b1100, bench.laboratory.now_ns() + later_ns);
+        bench.wait(S);
+        bench.laboratory.truth().momentum[0]
+    };
+    let missing = pushed(0) - pushed(MS / 2);
+    assert!((missing - 2.0 * 0.159 * 0.5e-3).abs() < 1e-6, "{missing} N s less in half a millisecond");
 }
 
 #[test]

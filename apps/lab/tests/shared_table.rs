@@ -88,7 +88,7 @@ fn base(truth: &TruthState) -> [f64; 3] {
 #[test]
 fn a_vehicle_is_seen_where_its_own_laboratory_has_it() {
     let mut table = Table::new([1.5, 0.4, 0.3], [-0.02, 0.01, 0.05]);
-    table.other.laboratory.set_valves(0b1100);
+    table.other.set_valves(0b1100);
     table.wait(2000 * MS, 3);
     let [chaser, other] = table.truth();
     assert!(other.x_m - 1.5 + 0.04 > 0.05, "its thrusters moved it");
@@ -124,12 +124,12 @@ fn a_vehicle_that_is_held_goes_where_the_gripper_takes_it_and_floats_on_when_it_
     assert_eq!(chaser.target_held, 1, "it took hold");
     close(table.momentum(), before, 1e-9);
     // The thrusters of the one that holds move both.
-    table.chaser.laboratory.set_valves(0b1100);
+    table.chaser.set_valves(0b1100);
     for _ in 0..10 {
         gripper(&mut table, true);
         table.wait(100 * MS, 7);
     }
-    table.chaser.laboratory.set_valves(0);
+    table.chaser.set_valves(0);
     let [chaser, other] = table.truth();
     close(chaser.target, base(&other), 1e-4);
     close(chaser.target_rate, [other.vx_m_s, other.vy_m_s, other.omega_rad_s], 1e-3);

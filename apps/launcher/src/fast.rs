@@ -20,7 +20,7 @@ use fss_plant::Plant;
 use fss_recorder::Recorder;
 use fss_records::log::LogWriter;
 use fss_service::topics_of;
-use fss_thrusters::VALVES_QUEUE;
+use fss_thrusters::{VALVES_QUEUE, ValvesCommand};
 use fss_wire::dsp3000;
 use fss_wire::link::Key;
 use fss_wire::mocap::{Reader, Sighting};
@@ -161,7 +161,7 @@ struct VirtualLaboratory {
     laboratory: Laboratory,
     wires: Wires,
     commands: Queue<CommandDatagram>,
-    valves: Queue<u16>,
+    valves: Queue<ValvesCommand>,
     truth: Output<TruthState>,
     next_truth_ns: u64,
 }
@@ -205,8 +205,8 @@ fn queue<T: Send + 'static>(bus: &Bus, name: &'static str) -> Result<Queue<T>> {
 
 impl Tick for VirtualLaboratory {
     fn tick(&mut self, now: Time) -> Result<(), BusError> {
-        while let Some(mask) = self.valves.pop() {
-            self.laboratory.set_valves(mask);
+        while let Some(command) = self.valves.pop() {
+            self.laboratory.set_valves(command.mask, command.at_ns);
         }
         let from = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         while let Some(command) = self.commands.pop() {

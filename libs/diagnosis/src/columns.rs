@@ -70,10 +70,11 @@ impl Problem {
                 columns[1 + self.first[candidate] + i] = column;
             }
         }
-        let effects = self.effects(model);
         for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
             if wants_uncertain {
-                columns[1 + at] = difference(&block.predict(&value.moved(plant, 1.0), &effects)?, &base, 1.0);
+                let moved = value.moved(plant, 1.0);
+                let there = block.predict(&moved, &self.effects_of(&moved, model))?;
+                columns[1 + at] = difference(&there, &base, 1.0);
             }
             let now = self.tuning.by(i);
             if now != 0.0 {

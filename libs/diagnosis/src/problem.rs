@@ -246,9 +246,14 @@ impl Problem {
 
     /// The plant's own effects and those of a model.
     pub(crate) fn effects(&self, model: &[Present]) -> Vec<Effect> {
+        self.effects_of(&self.plant, model)
+    }
+
+    /// The same of this plant with other values.
+    pub(crate) fn effects_of(&self, plant: &Plant, model: &[Present]) -> Vec<Effect> {
         let news: Vec<Effect> = model.iter().flat_map(|p| self.candidates[p.candidate].at(&p.coordinates)).collect();
         let replaced = |e: &Effect| news.iter().any(|n| is_same(n, e));
-        self.plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
+        plant.effects.iter().filter(|e| !replaced(e)).cloned().chain(news.iter().cloned()).collect()
     }
 }
 

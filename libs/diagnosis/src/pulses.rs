@@ -33,7 +33,8 @@ const MOST: usize = 20;
 /// The pulses of the runs of `of` that are asserted to be missing, about the model that the search came to.
 pub(crate) fn missing_pulses(searched: &Searched, of: &Problem, runs: &[Run]) -> Result<Vec<MissingPulse>, ModelError> {
     let problem = searched.search.problem;
-    let (plant, effects) = (problem.settled(&searched.uncertain_means()), problem.effects(&searched.model));
+    let plant = problem.settled(&searched.uncertain_means());
+    let effects = problem.effects_of(&plant, &searched.model);
     let of_member = |member: &Member| -> Result<Vec<MissingPulse>, ModelError> {
         let hyper = of.hyper_of(member, &searched.hyper);
         let found = of_block(member.block.as_ref(), &plant, &effects, hyper)?;

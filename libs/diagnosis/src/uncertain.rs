@@ -2,8 +2,9 @@
 //!
 //! They are never named as causes. They take up what they may, as far as their standard deviations make it likely.
 
+use crate::problem::is_same;
 use crate::servo_response::own_servo;
-use fss_plant::{Plant, Servo, Uncertainty};
+use fss_plant::{Effect, Plant, Servo, Uncertainty};
 
 /// Gains of a servo are known to this share: a driver's tuning follows its load and its supply.
 const GAIN_SHARE: f64 = 0.15;
@@ -32,6 +33,8 @@ enum Value {
     Field(Field),
     /// A thruster's thrust at level 1, by which a curve is scaled.
     Thrust,
+    /// Stamps of link telemetry less true time: an effect of the plant.
+    LinkStamps,
 }
 
 impl Value {
@@ -39,6 +42,7 @@ impl Value {
         match self {
             Self::Field(field) => *field(&mut plant.clone(), index),
             Self::Thrust => plant.thrust_n(index),
+            Self::LinkStamps => plant.effects.iter().find(|e| are_link_stamps(e)).map_or(0.0, |e| e.values()[0]),
         }
     }
 
@@ -46,8 +50,21 @@ impl Value {
         match self {
             Self::Field(field) => *field(plant, index) = value,
             Self::Thrust => plant.set_thrust_n(index, value),
+            Self::LinkStamps => {
+                plant.effects.retain(|e| !are_link_stamps(e));
+                plant.effects.extend(link_stamps().map(|e| e.with(&[value])));
+            }
         }
     }
+}
+
+/// The effect that stamps of link telemetry are wrong by a constant.
+fn link_stamps() -> Option<Effect> {
+    Some(Effect::new("clock_offset").ok()?.on("joints"))
+}
+
+fn are_link_stamps(effect: &Effect) -> bool {
+    link_stamps().is_some_and(|own| is_same(&own, effect))
 }
 
 impl Uncertain {
@@ -107,10 +124,12 @@ pub fn stated(plant: &Plant) -> Vec<Uncertain> {
         links(u, i, &mut add);
     }
     drop(add);
+    let other = |name: String, sd, index, value| Uncertain { name, sd, index, is_gain: false, value };
+    if u.link_stamp_s > 0.0 && !plant.links.is_empty() {
+        all.push(other("link stamps_s".into(), u.link_stamp_s, 0, Value::LinkStamps));
+    }
     if u.thrust_n > 0.0 {
-        let name = |i: usize| format!("thruster {} thrust_N", i + 1);
-        let thrust =
-            |i: usize| Uncertain { name: name(i), sd: u.thrust_n, index: i, is_gain: false, value: Value::Thrust };
+        let thrust = |i: usize| other(format!("thruster {} thrust_N", i + 1), u.thrust_n, i, Value::Thrust);
         all.extend((0..plant.thrusters.len()).map(thrust));
     }
     all

@@ -237,6 +237,7 @@ fn surroundings(plant: &Plant) -> Check {
             ("viscous_friction_N_m_s_rad", u.viscous_friction_n_m_s_rad),
             ("torque_constant_N_m_A", u.torque_constant_n_m_a),
             ("thrust_N", u.thrust_n),
+            ("link_stamp_s", u.link_stamp_s),
         ] {
             non_negative(&format!("uncertainty/{key}"), value)?;
         }

@@ -89,15 +89,16 @@ outputs! {
     }
 }
 
-/// A line of 14 characters at 38400 baud, 10 bits each, ns.
-const GYRO_LINE_NS: u64 = 14 * 10 * 1_000_000_000 / 38_400;
+/// A character at 38400 baud, 10 bits, ns, and a line of 14 of them; a negative rate has one more, its sign.
+const GYRO_CHARACTER_NS: u64 = 10 * 1_000_000_000 / 38_400;
+const GYRO_LINE_NS: u64 = 14 * GYRO_CHARACTER_NS;
 
 /// What the service is told about its sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FusionConfig {
     /// Time from an event to the arrival of its motion capture, ns.
     pub mocap_latency_ns: u64,
-    /// Time that a gyro's line takes on the serial port, ns.
+    /// Time that a gyro's line takes on the serial port where its rate is not negative, ns.
     pub gyro_latency_ns: u64,
     /// What the filter assumes.
     pub noise: Noise,
@@ -223,7 +224,8 @@ impl Fusion {
 
     fn take_gyro(&mut self, packet: &GyroPacket, outputs: &mut Outputs) {
         let (omega_rad_s, received_ns) = (packet.rate_rad_s, packet.received_ns);
-        let stamp_ns = received_ns.saturating_sub(self.config.gyro_latency_ns);
+        let sign_ns = if omega_rad_s < 0.0 { GYRO_CHARACTER_NS } else { 0 };
+        let stamp_ns = received_ns.saturating_sub(self.config.gyro_latency_ns + sign_ns);
         let valid = u8::from(packet.valid);
         outputs.gyro.publish(GyroRate { stamp_ns, omega_rad_s, received_ns, valid, ..GyroRate::default() });
         let (half_interval_ns, alive) = self.gyro_watch.note(packet);

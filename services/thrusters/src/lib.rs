@@ -21,7 +21,16 @@ use fss_messages::{Event, MAX_THRUSTERS, ThrustersCommand, ThrustersState, topic
 /// Age of the last command at which all valves shut, ns. Should this process freeze just before, the valve box shuts
 /// them 35 ms after the last word from it: either way within 100 ms of the command.
 pub const DEAD_MAN_NS: u64 = 45_000_000;
-/// Queue to the valve driver: masks, bit 0 is thruster 1.
+/// What the valve driver is to set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValvesCommand {
+    /// Which valves are open; bit 0 is thruster 1.
+    pub mask: u16,
+    /// When the service said so, ns.
+    pub at_ns: u64,
+}
+
+/// Queue to the valve driver: a [`ValvesCommand`] each step.
 pub const VALVES_QUEUE: &str = "thrusters.valves";
 /// Queue from the valve driver: whether it could set the last mask.
 pub const DRIVER_QUEUE: &str = "thrusters.driver";
@@ -40,7 +49,7 @@ outputs! {
     /// What the service writes.
     pub struct Outputs {
         /// Masks to the driver, one each step.
-        valves: DeviceOutput<u16> = VALVES_QUEUE,
+        valves: DeviceOutput<ValvesCommand> = VALVES_QUEUE,
         /// What is commanded.
         state: Output<ThrustersState> = topic::THRUSTERS_STATE,
         /// The dead-man's word.
@@ -123,7 +132,7 @@ impl Service for Thrusters {
         self.state.command_age_ns = age_ns;
         self.state.driver_works = u8::from(self.driver_works);
         outputs.state.publish(self.state);
-        outputs.valves.send(mask(&self.state.valves));
+        outputs.valves.send(ValvesCommand { mask: mask(&self.state.valves), at_ns: now.ns() });
     }
 }
 

@@ -4,7 +4,7 @@
 use fss_bus::allocation::{Counting, allocations_in};
 use fss_bus::{Bus, InputPort, Latest, Output, OutputPort, Runner, Time};
 use fss_messages::{ThrustersCommand, ThrustersState, topic};
-use fss_thrusters::{DEAD_MAN_NS, DRIVER_QUEUE, Thrusters, VALVES_QUEUE};
+use fss_thrusters::{DEAD_MAN_NS, DRIVER_QUEUE, Thrusters, VALVES_QUEUE, ValvesCommand};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -33,7 +33,7 @@ impl Bench {
     fn mask_at(&mut self, now_ns: u64) -> u16 {
         self.runner.step(Time::from_ns(now_ns));
         self.runner.flush(Time::from_ns(now_ns));
-        self.bus.queue::<u16>(VALVES_QUEUE, 1).unwrap().pop().unwrap()
+        self.bus.queue::<ValvesCommand>(VALVES_QUEUE, 1).unwrap().pop().unwrap().mask
     }
 }
 

@@ -3,7 +3,7 @@
 
 use fss_bus::{Bus, Queue};
 use fss_thrusters::device::{Driver, GpioLines, LaboratoryLine};
-use fss_thrusters::{DRIVER_QUEUE, VALVES_QUEUE};
+use fss_thrusters::{DRIVER_QUEUE, VALVES_QUEUE, ValvesCommand};
 use fss_wire::valves::{FRAME_LEN, ValveFrame};
 use std::io::Read;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -11,7 +11,7 @@ use std::path::Path;
 
 struct Line {
     driver: Driver<LaboratoryLine>,
-    masks: Queue<u16>,
+    masks: Queue<ValvesCommand>,
     reports: Queue<bool>,
 }
 
@@ -27,7 +27,7 @@ impl Line {
 
     /// Whether the driver could set this mask.
     fn set(&mut self, mask: u16) -> bool {
-        self.masks.force_push(mask);
+        self.masks.force_push(ValvesCommand { mask, at_ns: 0 });
         self.driver.apply();
         self.reports.pop().unwrap()
     }
@@ -45,7 +45,7 @@ fn every_step_sets_all_lines_and_the_newest_mask_counts() {
     let path = folder.path().join("valves.sock");
     let listener = UnixListener::bind(&path).unwrap();
     let mut line = Line::at(&path);
-    line.masks.force_push(0b1);
+    line.masks.force_push(ValvesCommand { mask: 0b1, at_ns: 0 });
     assert!(line.set(0b1010));
     assert!(line.set(0b1010));
     let (mut laboratory, _) = listener.accept().unwrap();

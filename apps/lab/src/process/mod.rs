@@ -124,7 +124,7 @@ impl Process {
         let (arrivals, laboratory) = (&mut self.arrivals, &mut self.laboratory);
         arrivals.look();
         if let Some(mask) = self.valve_line.poll(now, arrivals) {
-            laboratory.set_valves(mask);
+            laboratory.set_valves(mask, now.ns());
         }
         self.ports.gyro.poll(arrivals.came_on(Line::Gyro), |byte| laboratory.request_gyro(byte));
         self.ports.tracker.poll(arrivals);

@@ -78,6 +78,11 @@ impl Bench {
         self.laboratory.step_to(self.laboratory.now_ns() + duration_ns, &mut self.heard);
     }
 
+    /// Sets all valve lines now.
+    pub fn set_valves(&mut self, mask: u16) {
+        self.laboratory.set_valves(mask, self.laboratory.now_ns());
+    }
+
     /// Sends one signed command to a link (from 0).
     pub fn command(&mut self, link: usize, command: Command) -> Vec<u8> {
         self.sequence += 1;

@@ -174,15 +174,19 @@ impl Record {
         (!poses.t_s.is_empty()).then_some(poses)
     }
 
-    /// The gyro gives means since its last reading: they stand for the middle of that time.
+    /// The gyro gives means since its last reading: they stand for the middle of that time. Where a reading was lost, that was none
+    /// of this log's, and the median of all stands for it.
     fn rates(&self) -> Option<Series> {
-        let mut intervals: Vec<u64> =
-            self.gyro.windows(2).map(|pair| pair[1].stamp_ns.saturating_sub(pair[0].stamp_ns)).collect();
-        intervals.sort_unstable();
-        let half_s = intervals.get(intervals.len() / 2).map_or(0.0, |ns| *ns as f64 * 0.5e-9);
+        let since_last = |pair: &[GyroRate]| pair[1].stamp_ns.saturating_sub(pair[0].stamp_ns);
+        let mut intervals: Vec<u64> = self.gyro.windows(2).map(since_last).collect();
+        intervals.insert(0, u64::MAX);
+        let mut ordered = intervals.clone();
+        ordered.sort_unstable();
+        let median = ordered.get((ordered.len() - 1) / 2).copied().filter(|_| ordered.len() > 1).unwrap_or(0);
         let mut rates = Series::default();
-        for reading in self.gyro.iter().filter(|reading| reading.valid != 0) {
-            let t_s = self.seconds(reading.stamp_ns) - half_s;
+        for (reading, interval) in self.gyro.iter().zip(intervals).filter(|(reading, _)| reading.valid != 0) {
+            let mean_of = if interval < median + median / 2 { interval } else { median };
+            let t_s = self.seconds(reading.stamp_ns) - mean_of as f64 * 0.5e-9;
             if rates.t_s.last().is_none_or(|last| t_s > *last) {
                 rates.t_s.push(t_s);
                 rates.values.push(reading.omega_rad_s);

@@ -4,7 +4,7 @@ mod gpio;
 
 pub use gpio::GpioLines;
 
-use crate::{DRIVER_QUEUE, VALVES_QUEUE};
+use crate::{DRIVER_QUEUE, VALVES_QUEUE, ValvesCommand};
 use fss_bus::{Bus, BusError, Feed, Queue};
 use fss_wire::valves::ValveFrame;
 use std::io::{self, Write};
@@ -12,7 +12,7 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 
 /// As long as the service's own ends of the queues.
-const QUEUE_LEN: usize = Feed::<u16>::CAPACITY;
+const QUEUE_LEN: usize = Feed::<ValvesCommand>::CAPACITY;
 
 /// Something that opens and shuts all valves at once.
 pub trait Valves {
@@ -26,7 +26,7 @@ pub trait Valves {
 /// Brings the service's masks to the valves and says whether that worked.
 pub struct Driver<V> {
     valves: V,
-    masks: Queue<u16>,
+    commands: Queue<ValvesCommand>,
     reports: Queue<bool>,
 }
 
@@ -36,15 +36,15 @@ impl<V: Valves> Driver<V> {
     /// # Errors
     /// Where the bus refuses a queue.
     pub fn new(valves: V, bus: &Bus) -> Result<Self, BusError> {
-        let (masks, reports) = (bus.queue(VALVES_QUEUE, QUEUE_LEN)?, bus.queue(DRIVER_QUEUE, QUEUE_LEN)?);
-        Ok(Self { valves, masks, reports })
+        let (commands, reports) = (bus.queue(VALVES_QUEUE, QUEUE_LEN)?, bus.queue(DRIVER_QUEUE, QUEUE_LEN)?);
+        Ok(Self { valves, commands, reports })
     }
 
     /// Sets the newest mask; called after every step of the service. Nothing stands between step and valve.
     pub fn apply(&mut self) {
         let mut newest = None;
-        while let Some(mask) = self.masks.pop() {
-            newest = Some(mask);
+        while let Some(command) = self.commands.pop() {
+            newest = Some(command.mask);
         }
         if let Some(mask) = newest {
             self.reports.force_push(self.valves.set(mask).is_ok());
