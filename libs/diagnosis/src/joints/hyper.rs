@@ -9,8 +9,6 @@ pub(super) struct Hyper {
     pub(super) acceleration: [f64; 2],
     /// Its correlation time, s.
     pub(super) acceleration_s: f64,
-    /// Acceleration at the instant of a row, where datagrams command the joints, as a share of what is commanded.
-    pub(super) instant: f64,
     /// White torque, share of the torque scale, root s.
     pub(super) white: f64,
     /// Correlated torque on the links and in the drives, shares of the torque scale.
@@ -52,11 +50,10 @@ const NOISE: [HyperParameter; 5] = [
     noise("torque sensor noise over stated"),
     noise("end-effector noise over stated"),
 ];
-const MOTION: [HyperParameter; 4] = [
+const MOTION: [HyperParameter; 3] = [
     plain("acceleration at rest, rad/s2", 0.02, 2.0, [1e-5, 10.0]),
     plain("acceleration beside the command, share", 0.2, 1.0, [1e-3, 10.0]),
     plain("correlation of accelerations, s", 0.2, 0.7, [0.02, 3.0]),
-    plain("acceleration at an instant, share of the command's", 1.0, 1.5, [1e-3, 100.0]),
 ];
 const WHITE: HyperParameter = strength("white torque, share of scale root s", 3e-3, 2.5, [1e-5, 10.0]);
 
@@ -75,7 +72,6 @@ impl Hyper {
         Self {
             acceleration: if driven { [0.0; 2] } else { [at(0), at(1)] },
             acceleration_s: if driven { 1.0 } else { at(2) },
-            instant: if driven { 0.0 } else { at(3) },
             white: if driven { at(0) } else { 0.0 },
             link: at(n),
             drive: at(n + 1),

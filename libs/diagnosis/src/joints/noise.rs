@@ -121,7 +121,7 @@ impl NoiseModel {
         }
         (3 * self.links..places.before).for_each(|i| initial[i * (n + 1)] = 1.0);
         (places.before..places.instant).for_each(|i| initial[i * (n + 1)] = self.any_acceleration.powi(2));
-        (places.instant..n).for_each(|i| initial[i * (n + 1)] = self.instant_variance(0, i - places.instant, hyper));
+        (places.instant..n).for_each(|i| initial[i * (n + 1)] = self.instant_variance(0, i - places.instant));
         let begin: Vec<f64> = (0..n).map(|i| initial[i * (n + 1)]).collect();
         let mut filter = Whitener::new(n, &initial, columns);
         let (mut step, mut states) = (Step::default(), Vec::with_capacity(n));
@@ -150,8 +150,8 @@ impl NoiseModel {
     }
 
     /// Of an acceleration at an instant, beside the path's: whatever servos do as they settle.
-    fn instant_variance(&self, moment: usize, joint: usize, hyper: &Hyper) -> f64 {
-        (hyper.instant * self.activity(moment, joint)).powi(2)
+    fn instant_variance(&self, moment: usize, joint: usize) -> f64 {
+        (ANY_SHARE * self.activity(moment, joint)).powi(2)
     }
 
     fn activity(&self, moment: usize, joint: usize) -> f64 {
@@ -200,9 +200,7 @@ impl NoiseModel {
             transition.push((i, i, (-dt_s / hyper.torque_s).exp()));
             noise.push((i, i, -(-2.0 * dt_s / hyper.torque_s).exp_m1()));
         }
-        noise.extend(
-            (places.instant..places.count).map(|i| (i, i, self.instant_variance(moment, i - places.instant, hyper))),
-        );
+        noise.extend((places.instant..places.count).map(|i| (i, i, self.instant_variance(moment, i - places.instant))));
     }
 
     /// The states that a row measures and the variance of its noise.
