@@ -7,7 +7,8 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::file::Plant;
 
 impl Plant {
-    /// A laboratory as it may really be: every value of `[uncertainty]` off by a normal draw of that spread.
+    /// A laboratory as it may really be: every value of `[uncertainty]` off by a normal draw of that spread. Only stamps of link
+    /// telemetry are right: it is who receives them that makes them wrong.
     ///
     /// Masses, inertias, lengths and strengths stay positive. The drawn values are exact, so it has no `[uncertainty]`.
     pub fn drawn(&self, seed: u64) -> Self {
