@@ -2,9 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_bus::launch::Mocap;
-use fss_bus::{Bus, Queue, realtime};
-use fss_fusion::device::{read_gyro, receive_mocap};
-use fss_fusion::{GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
+use fss_bus::{Bus, InputPort, Latest, Queue, Runner, Time, realtime};
+use fss_fusion::device::{gyro_packet, read_gyro, receive_mocap};
+use fss_fusion::{Fusion, FusionConfig, GYRO_QUEUE, GyroPacket, MOCAP_QUEUE, MocapPacket};
+use fss_messages::{GyroRate, topic};
+use fss_plant::Plant;
 use fss_wire::dsp3000::{Line, Reading};
 use fss_wire::vicon::{self, Object};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -90,6 +92,27 @@ fn the_gyros_lines_arrive_from_a_serial_port() {
     assert!(!faulty.valid);
     stop.store(true, Ordering::Relaxed);
     thread.join().unwrap();
+}
+
+#[test]
+fn a_reading_is_stamped_when_its_line_began_whatever_its_sign() {
+    const BEGAN_NS: u64 = 1_000_000_000;
+    for value_rad in [0.1, -0.1] {
+        let bus = Bus::local();
+        let config = FusionConfig::from_plant(&Plant::default_laboratory().unwrap());
+        let mut runner = Runner::new(Fusion::new(config), &bus).unwrap();
+        let mut rate = Latest::<GyroRate>::open(&bus, topic::GYRO).unwrap();
+        let reading = Reading { value_rad, valid: true };
+        let line_ns = Line::encode(reading).as_bytes().len() as u64 * 10 * 1_000_000_000 / 38_400;
+        let queue: Queue<GyroPacket> = bus.queue(GYRO_QUEUE, 64).unwrap();
+        queue.force_push(gyro_packet(reading, BEGAN_NS + line_ns));
+        let now = Time::from_ns(BEGAN_NS + 2 * line_ns);
+        runner.step(now);
+        runner.flush(now);
+        rate.refresh();
+        let error_ns = rate.get().unwrap().stamp_ns.abs_diff(BEGAN_NS);
+        assert!(error_ns < 1000, "{value_rad} rad/s: {error_ns} ns off");
+    }
 }
 
 #[test]
