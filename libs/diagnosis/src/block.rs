@@ -24,13 +24,13 @@ pub struct HyperParameter {
     pub strength_of: Option<Strength>,
 }
 
-/// A prior whose logarithm is no narrower than this states nothing.
-pub(crate) const WIDEST_STATEMENT: f64 = 1.0;
+/// A prior whose logarithm is wider than this states nothing.
+const WIDEST_STATEMENT: f64 = 1.0;
 
 impl HyperParameter {
     /// Its value as the plant file states it: the median of its prior; of a discrepancy that is not stated, the least.
     pub fn stated(&self) -> f64 {
-        let is_stated = self.strength_of.is_none() || self.log_sd < WIDEST_STATEMENT;
+        let is_stated = self.strength_of.is_none() || self.log_sd <= WIDEST_STATEMENT;
         if is_stated { self.median } else { self.bounds[0] }
     }
 }

@@ -1,7 +1,7 @@
 //! Hyper-parameters: the grid that sets are compared at, and the optimum of a set.
 
 use super::space::{Found, HyperPoint, Search, VARIATIONS};
-use crate::block::{HyperParameter, Strength, WIDEST_STATEMENT};
+use crate::block::{HyperParameter, Strength};
 use crate::gram::GramCache;
 use crate::problem::{Linearized, Present};
 use fss_estimation::evidence::SpikePosterior;
@@ -12,8 +12,8 @@ use std::collections::BTreeSet;
 const LADDER: [f64; 5] = [1.0, 0.25, 0.06, 0.015, 3e-3];
 /// And about the present ones.
 const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
-/// Deviations of its prior by which a hyper-parameter is moved to look for another optimum.
-const FAR: [f64; 3] = [-1.6, 1.0, 2.0];
+/// Logarithms by which a strength is moved to look for another optimum.
+const FAR: [f64; 3] = [-4.0, 2.5, 5.0];
 /// So many sets have the hyper-parameters that suit them best among those that all are compared at.
 pub(super) const PROMISING: usize = 3;
 /// The last steps of hyper-parameters over the deviations of their priors, and evaluations at the most.
@@ -29,8 +29,7 @@ const FEWEST_VARYING: usize = 3;
 pub(super) struct Reach {
     /// First steps over the deviations of the priors.
     width: f64,
-    /// Whether strengths and what nothing states are tried far from where they start, too: a process that is far too weak to be
-    /// seen has no slope, and torques may be slow or fast.
+    /// Whether each strength is tried far from where it starts, too: a process that is far too weak to be seen has no slope.
     far: bool,
 }
 
@@ -129,15 +128,13 @@ impl Search<'_> {
         };
         let mut logs: Vec<f64> = start.iter().map(|h| h.ln()).collect();
         let mut found = if far { value(&logs) } else { f64::INFINITY };
-        let last = all.len() - 1;
         for (i, h) in all.iter().enumerate() {
-            let may_have_another = h.strength_of.is_some() || h.log_sd >= WIDEST_STATEMENT;
-            if !(far && may_have_another && i < last && which(self.problem.family_of[i], h)) {
+            if !far || h.strength_of.is_none() || !which(self.problem.family_of[i], h) {
                 continue;
             }
             for by in FAR {
                 let mut far = logs.clone();
-                far[i] = (start[i].ln() + by * h.log_sd).clamp(h.bounds[0].ln(), h.bounds[1].ln());
+                far[i] = (start[i].ln() + by).clamp(h.bounds[0].ln(), h.bounds[1].ln());
                 let there = value(&far);
                 if there > found {
                     (found, logs) = (there, far);
