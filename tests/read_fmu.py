@@ -33,6 +33,10 @@ def main(fss):
         tables = (root / "deploy/etc/plants/fss.toml").read_text().split("[[")
         plant = "[[".join(table for table in tables if not table.startswith("link]]"))
         launch = (root / "deploy/etc/launch/lab.toml").read_text()
+        # The FMU takes its inputs at whole milliseconds: the valves are told then.
+        told = 'name = "thrusters"\nrate_hz = 200\nphase_us = '
+        assert told + "2500" in launch
+        launch = launch.replace(told + "2500", told + "3000")
         for name, text in {"plant": plant, "launch": re.sub(r"links = \[.*?\]", "links = []", launch), "turn": MISSION}.items():
             (folder / f"{name}.toml").write_text(text)
         run = [fss, "run", folder / "turn.toml", "--fast", "--quiet", "--seed", "5", "--plant", folder / "plant.toml"]
@@ -48,7 +52,7 @@ def main(fss):
             assert not problems, problems
             names = [v.name for v in read_model_description(fmu).modelVariables]
             valves = [name for name in names if name.startswith("valve_")]
-            # The laboratory takes a command in the millisecond in which it is published.
+            # The laboratory takes a command when it is published.
             level = {m.published_ns // 1_000_000: [float(v) for v in m.valves[: len(valves)]] for m in commands}
             rows, now = [], [0.0] * len(valves)
             for ms in range(truth[-1].stamp_ns // 1_000_000 + 1):
