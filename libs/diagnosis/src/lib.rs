@@ -263,6 +263,8 @@ fn with(mut plant: Plant, concluded: &conclude::Concluded) -> Plant {
     let effects: Vec<_> = causes.chain(concluded.laws.iter().cloned()).collect();
     plant.effects.retain(|e| !effects.iter().any(|n| problem::is_same(n, e)));
     plant.effects.extend(effects);
+    // What is settled stands behind what is concluded.
+    plant.effects.sort_by_key(uncertain::are_link_stamps);
     plant
 }
 

@@ -63,7 +63,8 @@ fn link_stamps() -> Option<Effect> {
     Some(Effect::new("clock_offset").ok()?.on("joints"))
 }
 
-fn are_link_stamps(effect: &Effect) -> bool {
+/// Whether an effect is an error of link stamps.
+pub(crate) fn are_link_stamps(effect: &Effect) -> bool {
     link_stamps().is_some_and(|own| is_same(&own, effect))
 }
 
