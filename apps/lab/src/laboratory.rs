@@ -126,7 +126,7 @@ impl Laboratory {
         &self.simulation
     }
 
-    /// Sets all valve lines at `at_ns`, which may lie ahead within the next step; bit 0 is thruster 1.
+    /// Sets all valve lines at `at_ns`, now or later; bit 0 is thruster 1.
     pub fn set_valves(&mut self, mask: u16, at_ns: u64) {
         self.valves = mask;
         self.move_valves(at_ns);

@@ -7,6 +7,7 @@
 //! handed on as the joints' command is the motion that the plant's own drivers would make of it: the smooth part of what
 //! telemetry, as slow as the commands, cannot show.
 
+use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::{self, Drive, Joints, Poses, Run, Series};
 use fss_messages::{ArmCommand, GyroRate, LinksState, MAX_LINKS, MocapPose, Posture, Sample, ThrustersState, topic};
@@ -20,6 +21,9 @@ use std::path::{Path, PathBuf};
 const ROW_NS: u64 = 1_000_000;
 /// What a command takes over the radio to its link, s.
 const COMMAND_TRANSIT_S: f64 = 0.005;
+
+/// Between readings of the gyro that are this many times the usual interval apart, others were lost.
+const LOST: f64 = 1.5;
 
 /// The log that `path` is or, as a run's folder, holds; `None` where it is something else.
 pub fn log_of(path: &Path) -> Option<PathBuf> {
@@ -69,6 +73,7 @@ fn vehicle<'a>(path: &Path, names: &'a [String]) -> Result<&'a str> {
 }
 
 /// The samples of a log that count.
+#[derive(Default)]
 struct Record {
     start_ns: u64,
     base: Vec<MocapPose>,
@@ -174,19 +179,17 @@ impl Record {
         (!poses.t_s.is_empty()).then_some(poses)
     }
 
-    /// The gyro gives means since its last reading: they stand for the middle of that time. Where a reading was lost, that was none
-    /// of this log's, and the median of all stands for it.
+    /// The gyro gives means since its last reading: they stand for the middle of that time. The first one, and those after lost ones,
+    /// are means of the usual time.
     fn rates(&self) -> Option<Series> {
-        let since_last = |pair: &[GyroRate]| pair[1].stamp_ns.saturating_sub(pair[0].stamp_ns);
-        let mut intervals: Vec<u64> = self.gyro.windows(2).map(since_last).collect();
-        intervals.insert(0, u64::MAX);
-        let mut ordered = intervals.clone();
-        ordered.sort_unstable();
-        let median = ordered.get((ordered.len() - 1) / 2).copied().filter(|_| ordered.len() > 1).unwrap_or(0);
+        let since_last = |pair: &[GyroRate]| pair[1].stamp_ns.saturating_sub(pair[0].stamp_ns) as f64 * 1e-9;
+        let intervals_s: Vec<f64> = self.gyro.windows(2).map(since_last).collect();
+        let usual_s = median(&mut intervals_s.clone()).unwrap_or(0.0);
+        let own_s = intervals_s.into_iter().map(|own_s| if own_s < LOST * usual_s { own_s } else { usual_s });
+        let means_of_s = std::iter::once(usual_s).chain(own_s);
         let mut rates = Series::default();
-        for (reading, interval) in self.gyro.iter().zip(intervals).filter(|(reading, _)| reading.valid != 0) {
-            let mean_of = if interval < median + median / 2 { interval } else { median };
-            let t_s = self.seconds(reading.stamp_ns) - mean_of as f64 * 0.5e-9;
+        for (reading, mean_of_s) in self.gyro.iter().zip(means_of_s).filter(|(reading, _)| reading.valid != 0) {
+            let t_s = self.seconds(reading.stamp_ns) - 0.5 * mean_of_s;
             if rates.t_s.last().is_none_or(|last| t_s > *last) {
                 rates.t_s.push(t_s);
                 rates.values.push(reading.omega_rad_s);
@@ -305,5 +308,24 @@ impl Record {
             issued.push((self.seconds(sent_ns) + COMMAND_TRANSIT_S, told));
         }
         issued
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_mean_of_the_gyro_stands_for_the_middle_of_its_own_time() {
+        // Its clock and the laboratory's step make intervals of 10 and 11 ms; before the last reading, one was lost.
+        let stamps_ms = [100, 110, 120, 131, 141, 152, 162, 182];
+        let reading = |ms: &u64| GyroRate { stamp_ns: ms * 1_000_000, valid: 1, ..GyroRate::default() };
+        let record = Record { gyro: stamps_ms.iter().map(reading).collect(), ..Record::default() };
+        let found = record.rates().unwrap().t_s;
+        for (t_s, ms) in found.iter().zip([95.0, 105.0, 115.0, 125.5, 136.0, 146.5, 157.0, 177.0]) {
+            assert!((t_s - 1e-3 * ms).abs() < 1e-9, "{found:?}");
+        }
+        assert_eq!(found.len(), stamps_ms.len());
     }
 }
