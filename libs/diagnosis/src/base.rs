@@ -56,8 +56,6 @@ pub struct BaseBlock {
     pose: PosePath,
     run: Run,
     answers: Arc<Answers>,
-    /// Whether any joint moves in it.
-    arm_moves: bool,
     /// The plant of the plant file.
     plant: Plant,
     nominal: Arc<About>,
@@ -113,7 +111,7 @@ impl About {
         &self,
         (plant, effects): (&Plant, &[Effect]),
         physics: &Physics,
-        (samples, commands, moves): (&Samples, Option<&Commands>, bool),
+        (samples, commands): (&Samples, Option<&Commands>),
         (answers, driven_otherwise): (&Answers, &Mutex<DrivenOtherwise>),
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let encoders = &self.predictor.encoders;
@@ -133,10 +131,6 @@ impl About {
         let drives = [self.drives.clone(), drives(physics)];
         if drives[0] == drives[1] {
             return Ok(rows(None, &nominal.swings));
-        }
-        // Where joints rest, no drive does much: a first look does without.
-        if !moves && !self.drives.iter().any(|drive| drive.elasticity.is_elastic()) {
-            return Ok(None);
         }
         let kept = || driven_otherwise.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, known)) = kept().iter().find(|(of, _)| of.0 == drives && of.1 == ages) {
@@ -180,7 +174,6 @@ impl BaseBlock {
             return Ok(None);
         }
         let nominal = Arc::new(About::new(plant, (run, &samples, &pose), encoders)?);
-        let arm_moves = (1..=plant.link_count()).any(|joint| run.moves(joint));
         // What was sampled of the base is in `samples`.
         let run = Run { base_pose: None, ee_pose: None, gyro: None, ..run.clone() };
         Ok(Some(Self {
@@ -188,7 +181,6 @@ impl BaseBlock {
             pose,
             run,
             answers: answers.clone(),
-            arm_moves,
             plant: plant.clone(),
             nominal,
             present: Mutex::new(None),
@@ -246,7 +238,7 @@ impl Block for BaseBlock {
         // With an onset, the plant is another one later.
         let is_steady = are_steady(effects);
         let mut rows = if is_steady { about.rows.get(&physics, are_loaded_alike, read)?.to_vec() } else { read()? };
-        let records = (&self.samples, datagrams(plant, &self.run), self.arm_moves);
+        let records = (&self.samples, datagrams(plant, &self.run));
         if let Some(change) =
             about.answer((plant, effects), &physics, records, (&self.answers, &self.driven_otherwise))?
         {

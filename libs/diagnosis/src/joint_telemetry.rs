@@ -1,7 +1,7 @@
 //! What a joint's encoder told, and what it shows of a motion.
 
 use crate::servo_response::Nodes;
-use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
+use fss_estimation::smoothing::{Reading, Smoother};
 use fss_experiments::measured::Run;
 use fss_plant::Plant;
 
@@ -15,8 +15,7 @@ pub(crate) struct JointTelemetry {
 impl JointTelemetry {
     /// Of readings in the order of time; `None` without any.
     pub(crate) fn new(readings: Vec<Reading>, grid_s: &[f64]) -> Option<Self> {
-        let jerk = likeliest_jerk(&readings);
-        let smoother = Smoother::new(&readings, jerk, grid_s);
+        let smoother = Smoother::of_intermittent(&readings, grid_s);
         (!readings.is_empty()).then_some(Self { readings, smoother })
     }
 

@@ -3,7 +3,7 @@
 
 use crate::joint_telemetry::JointTelemetry;
 use crate::servo_response::{Answers, Nodes, Response, datagrams};
-use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
+use fss_estimation::smoothing::{Reading, Smoother};
 use fss_experiments::measured::{Many, Run};
 use fss_multibody::{JointVector, MAX_LINKS};
 use fss_plant::{Physics, Plant, Sensors, Stream};
@@ -71,7 +71,7 @@ impl PosePath {
                 rate: None,
             };
             let rows: Vec<Reading> = t_s.iter().zip(values).map(row).collect();
-            let smoother = Smoother::new(&rows, likeliest_jerk(&rows), &edges);
+            let smoother = Smoother::new(&rows, &edges);
             (smoother.path(&rows), smoother.variances())
         });
         let at = |derivative: usize, offset: [f64; 3]| {

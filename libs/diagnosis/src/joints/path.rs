@@ -3,7 +3,7 @@
 use super::telemetry::{groups, is_driven, mean, unwrapped};
 use super::track::{Track, quintic};
 use crate::servo_response::{ARRIVAL_SD_S, Answers, Nodes, datagrams};
-use fss_estimation::smoothing::{Reading, Smoother, likeliest_jerk};
+use fss_estimation::smoothing::{Reading, Smoother};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::{Joints, Many, Run};
 use fss_multibody::JointVector;
@@ -102,7 +102,7 @@ impl MeasuredPath {
                 Reading { angle: r.angle.map(|(v, n)| (v - q, n)), rate: r.rate.map(|(v, n)| (v - qd, n)), ..*r }
             })
             .collect();
-        let smoother = Smoother::new(&deviations, likeliest_jerk(&deviations), grid_s);
+        let smoother = Smoother::new(&deviations, grid_s);
         let sum = |(t, beside): (&f64, &[f64; 3])| {
             let expected = at(*t);
             std::array::from_fn(|i| expected[i] + beside[i])
@@ -235,7 +235,7 @@ fn base_track(run: &Run, sensors: &Sensors, grid_s: &[f64]) -> Option<[Track; 3]
             Some(Reading { t_s, angle: Some((value, sd.max(LEAST_ANGLE_SD).powi(2) / count)), rate: None })
         };
         let readings: Vec<Reading> = rows.iter().filter_map(reading).collect();
-        let nodes = Smoother::new(&readings, likeliest_jerk(&readings), grid_s).path(&readings);
+        let nodes = Smoother::new(&readings, grid_s).path(&readings);
         Track::new(grid_s.first().copied().unwrap_or(0.0), NODE_S, nodes)
     };
     Some([track(0), track(1), track(2)])
