@@ -119,7 +119,7 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
         let change = mechanics.thrust_change(t_s, half_s, path.joints.len());
         for k in moment {
             if let Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) = rows[k].kind {
-                let unit = if let Kind::Current(_) = rows[k].kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };
+                let unit = reading_of_one(mechanics, t_s, rows[k].kind);
                 slopes[k].timing_variance = (0.5 * unit * change[i]).powi(2);
             }
             if let Kind::Rate(i) = rows[k].kind {
@@ -197,7 +197,7 @@ pub(super) fn slopes(
                 }
                 Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) => {
                     let columns = by_motion.get_or_insert_with(|| torque_slopes(mechanics, t_s, links));
-                    let unit = if let Kind::Current(_) = row.kind { mechanics.current(t_s, i, 1.0) } else { 1.0 };
+                    let unit = reading_of_one(mechanics, t_s, row.kind);
                     own.torque = unit * scale[i];
                     own.motion = columns.iter().enumerate().map(|(state, c)| (state, unit * c[i])).collect();
                     if !matches!(row.kind, Kind::Torque(_)) {
@@ -215,6 +215,15 @@ pub(super) fn slopes(
     one_stiction_a_rest(rows, &mut out, plant, path);
     mix_tips(plant, rows, &mut out);
     out
+}
+
+/// What a drive's row reads more of a torque by 1 N m in its joint.
+fn reading_of_one(mechanics: &Mechanics, t_s: f64, kind: Kind) -> f64 {
+    match kind {
+        Kind::Current(i) => mechanics.current(t_s, i, 1.0),
+        Kind::Torque(i) => mechanics.physics(t_s).joints[i].torque_sensor_scale,
+        _ => 1.0,
+    }
 }
 
 /// Slopes by the sine and the cosine of joint `i`'s encoder error once a turn, in standard deviations.
