@@ -1,4 +1,4 @@
-//! Torque constants and frictions come out without bias whatever the telemetry's rate and noise.
+//! Torque constants, frictions and scales of torque sensors come out without bias whatever the telemetry's rate and noise.
 
 #![allow(clippy::unwrap_used)]
 
@@ -132,7 +132,7 @@ fn fitted(block: &JointBlock, columns: &Columns, sd: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn torque_constant_and_friction_are_unbiased() {
+fn torque_constant_frictions_and_torque_sensor_are_unbiased() {
     biased_by_at_most(0.0, &[2.0, 25.0, 100.0, 1000.0]);
 }
 
@@ -146,16 +146,17 @@ fn at_five_rows_a_second_they_are_biased_by_less_than_two_percent() {
 /// Estimates at these rates, each from another seed, differ from the truth by at most a share of each value and what their
 /// deviations say.
 fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
-    let nominal = [1.0, 0.08, 0.12];
-    let truth = [0.2, 0.03, 0.06];
+    let nominal = [1.0, 0.08, 0.12, 1.0];
+    let truth = [0.2, 0.03, 0.06, 0.7];
     let effects = |x: &[f64]| {
         vec![
             Effect::new("torque_constant").unwrap().at(1).with(&[nominal[0] + x[0]]),
             Effect::new("joint_coulomb_friction").unwrap().at(1).with(&[nominal[1] + x[1]]),
             Effect::new("joint_viscous_friction").unwrap().at(2).with(&[nominal[2] + x[2]]),
+            Effect::new("torque_sensor").unwrap().at(1).with(&[0.0, nominal[3] + x[3]]),
         ]
     };
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    let (mut sum, mut count) = ([0.0; 4], 0.0);
     for noise in [1.0, 3.0] {
         for (seed, rate_hz) in rates_hz.iter().copied().enumerate() {
             let plant = plant(noise);
@@ -168,7 +169,7 @@ fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
                 let base = at(x);
                 let mut residual: Vec<f64> = block.measured().iter().zip(&base).map(|(m, p)| m - p).collect();
                 let mut columns = Vec::new();
-                for k in 0..3 {
+                for k in 0..4 {
                     let (mut more, mut less) = (x.to_vec(), x.to_vec());
                     (more[k], less[k]) = (x[k] + 1e-3, x[k] - 1e-3);
                     let slope: Vec<f64> = at(&more).iter().zip(at(&less)).map(|(a, b)| (a - b) / 2e-3).collect();
@@ -178,11 +179,12 @@ fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
                 columns.insert(0, residual);
                 Columns::of(&columns)
             };
-            let sd = [1.0, 0.5, 0.5];
-            let mut columns = linearized(&[0.0; 3]);
-            let hyper = fitted(&block, &columns, &sd);
-            let (mut mean, mut covariance) = (DVector::zeros(3), DMatrix::identity(3, 3));
+            let sd = [1.0, 0.5, 0.5, 1.0];
+            let mut columns = linearized(&[0.0; 4]);
+            let mut hyper = Vec::new();
+            let (mut mean, mut covariance) = (DVector::zeros(4), DMatrix::identity(4, 4));
             for _ in 0..4 {
+                hyper = fitted(&block, &columns, &sd);
                 (_, mean, covariance) = posterior(&block, &columns, &sd, &hyper);
                 columns = linearized(mean.as_slice());
             }
@@ -190,7 +192,7 @@ fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
                 let error: f64 = mean[k] - truth[k];
                 error.signum() * (error.abs() - share * (nominal[k] + truth[k])).max(0.0)
             };
-            let z: Vec<f64> = (0..3).map(|k| beyond(k) / covariance[(k, k)].sqrt()).collect();
+            let z: Vec<f64> = (0..4).map(|k| beyond(k) / covariance[(k, k)].sqrt()).collect();
             println!(
                 "{rate_hz} Hz, noise {noise}: {:.4?} ± {:.4?}, z {z:.1?}",
                 mean.as_slice(),
@@ -198,7 +200,7 @@ fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
             );
             println!("   {hyper:.4?}");
             assert!(z.iter().all(|z| z.abs() < 3.5), "{rate_hz} Hz, noise {noise}: {z:?}");
-            (0..3).for_each(|k| sum[k] += z[k]);
+            (0..4).for_each(|k| sum[k] += z[k]);
             count += 1.0;
         }
     }
