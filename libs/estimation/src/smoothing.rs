@@ -53,14 +53,14 @@ pub struct Smoother {
 }
 
 /// For each density of jerk that is tried, the logarithm of the likelihood of each reading given those before.
-fn log_likelihoods(readings: &[Reading]) -> impl Iterator<Item = Vec<f64>> {
+fn log_likelihoods_by_jerk(readings: &[Reading]) -> impl Iterator<Item = Vec<f64>> {
     let of = |jerk| Smoother::with_jerk(readings, &vec![jerk; readings.len()], &[]).log_likelihoods(readings);
     JERKS.into_iter().map(of)
 }
 
 /// The density of jerk with the largest likelihood, rad/s3 per root Hz.
 fn likeliest_jerk(readings: &[Reading]) -> f64 {
-    let each = JERKS.into_iter().zip(log_likelihoods(readings).map(|each| each.iter().sum::<f64>()));
+    let each = JERKS.into_iter().zip(log_likelihoods_by_jerk(readings).map(|each| each.iter().sum::<f64>()));
     each.reduce(|best, other| if other.1 > best.1 { other } else { best }).map_or(JERKS[0], |best| best.0)
 }
 
@@ -68,7 +68,7 @@ fn likeliest_jerk(readings: &[Reading]) -> f64 {
 /// smoothed rate is in proportion to it.
 fn intermittent_jerk(readings: &[Reading]) -> Vec<f64> {
     let mut likelihoods = vec![[0.0; JERKS.len()]; readings.len()];
-    for (level, each) in log_likelihoods(readings).enumerate() {
+    for (level, each) in log_likelihoods_by_jerk(readings).enumerate() {
         likelihoods.iter_mut().zip(each).for_each(|(own, likelihood)| own[level] = likelihood);
     }
     let times: Vec<f64> = readings.iter().map(|r| r.t_s).collect();
@@ -258,16 +258,20 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
+    /// Draws of noise of a standard deviation.
+    fn noise(seed: u64) -> impl FnMut(f64) -> f64 {
+        println!("seed {seed}");
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        move |sd| sd * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng)
+    }
+
     fn smooth(readings: &[Reading], grid_s: &[f64]) -> Vec<[f64; 3]> {
         Smoother::new(readings, grid_s).path(readings)
     }
 
     #[test]
     fn a_swinging_joint_is_known_between_its_telemetry() {
-        let seed = 11;
-        println!("seed {seed}");
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut noise = |sd: f64| sd * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
+        let mut noise = noise(11);
         let w = 4.0;
         let readings: Vec<_> = (0..200)
             .map(|k| {
@@ -290,10 +294,7 @@ mod tests {
 
     #[test]
     fn a_joint_that_rests_and_creeps_once_is_known_as_far_as_it_is_said_to_be() {
-        let seed = 12;
-        println!("seed {seed}");
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut noise = |sd: f64| sd * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
+        let mut noise = noise(12);
         let (height_rad, w) = (4e-3, std::f64::consts::PI / 1.5);
         let creep = |t_s: f64| {
             let phase = w * (t_s - 20.0).clamp(0.0, 1.5);
