@@ -20,6 +20,7 @@
 
 mod driven;
 mod hyper;
+mod instant;
 mod linearization;
 mod linearize;
 mod mechanics;
@@ -357,6 +358,7 @@ impl Block for JointBlock {
             Some(anchors) => driven::predict_driven(&mechanics, path, &self.rows, anchors),
             None => linearize::predict(&mechanics, path, &self.rows, &self.loaded(&mechanics, path, effects)?),
         };
+        about.instants.iter().for_each(|instant| instant.add(&mechanics, &self.rows, &mut out));
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
         Ok(out)
     }

@@ -218,7 +218,7 @@ pub(super) fn slopes(
 }
 
 /// What a drive's row reads more of a torque by 1 N m in its joint.
-fn reading_of_one(mechanics: &Mechanics, t_s: f64, kind: Kind) -> f64 {
+pub(super) fn reading_of_one(mechanics: &Mechanics, t_s: f64, kind: Kind) -> f64 {
     match kind {
         Kind::Current(i) => mechanics.current(t_s, i, 1.0),
         Kind::Torque(i) => mechanics.physics(t_s).joints[i].torque_sensor_scale,

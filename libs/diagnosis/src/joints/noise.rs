@@ -256,6 +256,24 @@ impl NoiseModel {
         variance.max(f64::MIN_POSITIVE)
     }
 
+    /// Variance of what a drive's row reads of accelerations at its instant and of the torque on its link, and of all else that it reads
+    /// beside the path, at the priors' medians.
+    pub(super) fn variances_of_drive(&self, (row, k): (&Row, usize), moment: usize, breakaway_n_m: &[f64]) -> [f64; 2] {
+        let (places, hyper) = (self.places(), Hyper::new(&[], self.driven));
+        let mut states = Vec::new();
+        let (mut shared, mut own) = (0.0, self.measurement((row, k), (&hyper, breakaway_n_m), &places, &mut states));
+        for (state, slope) in states {
+            if state >= places.instant {
+                shared += slope * slope * self.instant_variance(moment, state - places.instant);
+            } else if places.link.contains(&Some(state)) {
+                shared += slope * slope;
+            } else if places.drive.contains(&Some(state)) {
+                own += slope * slope;
+            }
+        }
+        [shared, own]
+    }
+
     /// Variance of white torque over the interval of a row.
     fn white(&self, torque: f64, hyper: &Hyper) -> f64 {
         if self.driven { (torque * hyper.white).powi(2) / self.interval_s } else { 0.0 }
