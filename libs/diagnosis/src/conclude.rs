@@ -39,10 +39,9 @@ impl Concluded {
 
 pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) -> Concluded {
     let best = &searched.sets[0].0;
-    let posterior = searched.search.posterior(&searched.points, best).map(|p| p.0);
     let (mut causes, mut suspects, mut laws): (Vec<(f64, Cause)>, _, _) = (Vec::new(), Vec::new(), Vec::new());
     for (place, candidate) in best.causes.iter().enumerate() {
-        let Some(posterior) = &posterior else { continue };
+        let Some(posterior) = &searched.estimate else { continue };
         let class = class_of(searched, best, *candidate);
         let class_probability = probability_of_any(searched, &class);
         let own = &problem.candidates[*candidate];

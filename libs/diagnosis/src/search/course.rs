@@ -80,13 +80,13 @@ pub(crate) fn search<'a>(
             Next::Larger(_) | Next::End(_) if course.does_with_fewer()? => {}
             Next::Larger(model) => {
                 if is_tuned_otherwise(&course.standing(&best, &model))? {
-                    return Ok(course.ended(sets, model));
+                    return course.ended(sets, model);
                 }
                 course.go_on_to_larger(model);
             }
             Next::End(model) => {
                 is_tuned_otherwise(&course.standing(&best, &model))?;
-                return Ok(course.ended(sets, model));
+                return course.ended(sets, model);
             }
             Next::About(model) => {
                 say(&format!("linearizing about {}", course.names(&model)));
@@ -284,9 +284,11 @@ impl<'a> Course<'a> {
     }
 
     /// What the search came to.
-    fn ended(self, sets: Vec<Found>, model: Vec<Present>) -> Searched<'a> {
+    fn ended(self, sets: Vec<Found>, model: Vec<Present>) -> Result<Searched<'a>, ModelError> {
+        let best = &sets[0];
+        let estimate = self.search.in_tangents(&self.now.linearized, (&model, best), &self.best_hyper(best))?;
         let Self { search, points, now: About { hyper, linearized, .. }, .. } = self;
-        Searched { search, points, sets: probabilities(sets), model, hyper, linearized }
+        Ok(Searched { search, points, sets: probabilities(sets), model, estimate, hyper, linearized })
     }
 }
 

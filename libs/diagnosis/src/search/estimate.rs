@@ -180,6 +180,19 @@ impl Search<'_> {
 }
 
 impl Search<'_> {
+    /// The posterior of a set's coordinates in its tangent space at the estimate: what a coordinate does need not be in proportion to it,
+    /// and the secants that compare presence with absence do not tell how well it is known.
+    pub(super) fn in_tangents(
+        &self,
+        about: &Linearized,
+        (model, set): (&[Present], &Found),
+        hyper: &[f64],
+    ) -> Result<Option<SetPosterior>, ModelError> {
+        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else { return Ok(None) };
+        let point = columns.point(model, Slope::Tangent, hyper)?;
+        Ok(point.and_then(|point| point.posterior.of_set(&columns.slabs)))
+    }
+
     /// Logarithm of a set's marginal likelihood and prior, about its own estimate.
     pub(super) fn log_posterior(&self, (about, hyper): (&Linearized, &[f64]), set: &Found) -> f64 {
         let (parameters, position) = self.parameters_with(&set.causes);
