@@ -13,8 +13,8 @@ use crate::gram::GramCache;
 use crate::problem::{Kept, Linearized, Present, Problem, Slope};
 use fss_multibody::ModelError;
 
-/// Sizes that a contact is tried with, over the typical one.
-const SIZES: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+/// Sizes that a contact is tried with at least, over the typical one: the smallest, and the widest slab's.
+const SIZES: [f64; 2] = [0.25, 4.0];
 
 /// A contact at a size, in the class of its prior that suits it.
 #[derive(Clone)]
@@ -63,16 +63,22 @@ impl Tried {
         let search = Search::new(&problem);
         let starts = [medians(&problem), searched.hyper.clone()];
         let mut likeliest = (f64::NEG_INFINITY, present_at(&problem, candidate, SIZES[0]), 0, &starts[0]);
-        for by in SIZES {
+        try_sizes(|by| {
             let present = present_at(&problem, candidate, by);
+            let own = &problem.candidates[candidate];
+            if present.coordinates.iter().enumerate().any(|(i, value)| *value > own.bounds(i)[1]) {
+                return Ok(None);
+            }
             let about = search.with_columns_of(std::slice::from_ref(&present), problem.of_uncertain(&uncertain))?;
+            let mut is_likeliest = false;
             for start in &starts {
                 let (value, class) = search.likeliest_class((&about, start), candidate);
                 if value > likeliest.0 {
-                    likeliest = (value, present.clone(), class, start);
+                    (likeliest, is_likeliest) = ((value, present.clone(), class, start), true);
                 }
             }
-        }
+            Ok::<_, ModelError>(Some(is_likeliest))
+        })?;
         let (value, present, class, hyper) = likeliest;
         let about = search.with_columns_of(&searched.model, uncertain)?;
         let other = starts.iter().map(|start| search.log_posterior((&about, start), &searched.sets[0].0));
@@ -92,6 +98,19 @@ impl Tried {
         let (_, other) = search.optimum(&about(&searched.model)?, &searched.sets[0].0, &searched.hyper);
         Ok(own - other)
     }
+}
+
+/// Tries sizes: the smallest, its doubles up to the widest slab's, and on as long as the last is the likeliest so far, which
+/// `is_likeliest` tells of each; it tells `None` of a size that bounds exclude.
+fn try_sizes<E>(mut is_likeliest: impl FnMut(f64) -> Result<Option<bool>, E>) -> Result<(), E> {
+    let [mut by, widest] = SIZES;
+    while let Some(is_likeliest) = is_likeliest(by)? {
+        if by >= widest && !is_likeliest {
+            break;
+        }
+        by *= 2.0;
+    }
+    Ok(())
 }
 
 fn present_at(problem: &Problem, candidate: usize, by: f64) -> Present {
@@ -126,5 +145,33 @@ impl Search<'_> {
         let hyper = self.optimized(about, &set.causes, &set.classes, start, Reach::OF_MODEL, |_, _| true);
         let log_posterior = self.log_posterior((about, &hyper), set);
         (hyper, log_posterior)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tried(likeliest: f64, most: f64) -> Vec<f64> {
+        let (mut tried, mut best) = (Vec::new(), f64::NEG_INFINITY);
+        let tries = try_sizes(|by: f64| {
+            if by > most {
+                return Ok::<_, ()>(None);
+            }
+            tried.push(by);
+            let value = -(by / likeliest).ln().abs();
+            let is_likeliest = value > best;
+            best = best.max(value);
+            Ok(Some(is_likeliest))
+        });
+        assert_eq!(tries, Ok(()));
+        tried
+    }
+
+    #[test]
+    fn a_contact_of_any_size_is_between_sizes_that_are_tried() {
+        assert_eq!(tried(1.0, 100.0), [0.25, 0.5, 1.0, 2.0, 4.0]);
+        assert_eq!(tried(15.0, 100.0), [0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0]);
+        assert_eq!(tried(15.0, 10.0), [0.25, 0.5, 1.0, 2.0, 4.0, 8.0], "bounds");
     }
 }
