@@ -1,12 +1,10 @@
 //! From the posterior over sets to an answer: which causes are asserted, what could stand in their place, whether a discrepancy
 //! remains.
 
-use crate::candidates::Candidate;
 use crate::diagnosis::{Alternative, Cause, Discrepancy, Verdict};
-use crate::problem::{Problem, is_same};
+use crate::problem::{Present, Problem, is_same};
 use crate::scores::Scores;
-use crate::search::{Found, Searched};
-use fss_estimation::evidence::SetPosterior;
+use crate::search::{Estimate, Found, Searched};
 use fss_plant::{Effect, Response};
 
 /// Posterior probability from which a cause, or one of its alternatives, is asserted.
@@ -41,7 +39,7 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
     let best = &searched.sets[0].0;
     let (mut causes, mut suspects, mut laws): (Vec<(f64, Cause)>, _, _) = (Vec::new(), Vec::new(), Vec::new());
     for (place, candidate) in best.causes.iter().enumerate() {
-        let Some(posterior) = &searched.estimate else { continue };
+        let Some(estimate) = &searched.estimate else { continue };
         let class = class_of(searched, best, *candidate);
         let class_probability = probability_of_any(searched, &class);
         let own = &problem.candidates[*candidate];
@@ -56,7 +54,7 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
         let Some(effect) = effects.into_iter().next() else { continue };
         let cause = Cause {
             effect,
-            std: deviations(problem, best, place, posterior, own),
+            std: deviations(problem, (best, place), estimate, present),
             probability: probability_of_any(searched, &equivalent(searched, *candidate)),
             class_probability,
             alternatives: alternatives(problem, searched, &class, *candidate, &present.coordinates),
@@ -172,14 +170,20 @@ fn estimate_of(problem: &Problem, searched: &Searched, candidate: usize) -> Opti
 }
 
 /// Standard deviations of the effect's parameters, from those of its coordinates.
-fn deviations(problem: &Problem, set: &Found, place: usize, posterior: &SetPosterior, own: &Candidate) -> Vec<f64> {
+fn deviations(problem: &Problem, (set, place): (&Found, usize), estimate: &Estimate, present: &Present) -> Vec<f64> {
+    let own = &problem.candidates[present.candidate];
     let first: usize = set.causes[..place].iter().map(|c| problem.candidates[*c].size).sum();
-    let variance = |i: usize, j: usize| posterior.covariance[(first + i, first + j)];
-    let mean = |i: usize| posterior.mean[first + i];
+    let variance = |i: usize, j: usize| estimate.covariance[(first + i, first + j)];
+    let mean = |i: usize| estimate.mean[first + i];
     let mut std = vec![0.0; own.nominal.values().len()];
     match own.prior.response {
         Response::Linear => (0..own.size).for_each(|i| std[i] = variance(i, i).sqrt()),
-        Response::Shape(_) | Response::Scale(_) | Response::Onset => std[0] = variance(0, 0).sqrt(),
+        Response::Shape(_) | Response::Onset => std[0] = variance(0, 0).sqrt(),
+        Response::Scale(_) => {
+            std[0] = variance(0, 0).sqrt();
+            // The shape is a logarithm.
+            std[1] = present.coordinates.get(own.size).map_or(0.0, |log| log.exp() * estimate.shapes[place]);
+        }
         Response::Discrete => {}
         Response::Inverse => std[0] = variance(0, 0).sqrt() / mean(0).powi(2),
         Response::Strength => {

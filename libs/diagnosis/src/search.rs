@@ -10,13 +10,14 @@
 //! - `sets`: priors and marginal likelihoods of sets, the beam search; `hyper`: the hyper-parameters that suit a set.
 //! - `no_cause`: the runs without causes.
 //! - `shortlist`, `estimate`, `course`: the candidates of a round, the estimate of its best set, the rounds.
-//! - `standing`: where it stands still; `searched`: what it came to.
+//! - `standing`: where it stands still; `searched`: what it came to; `intervals`: how well that is known.
 //! - `contacts`: play in joints, about itself; `wiring`: wirings of the thrusters.
 
 mod contacts;
 mod course;
 mod estimate;
 mod hyper;
+mod intervals;
 mod no_cause;
 mod searched;
 mod sets;
@@ -27,6 +28,7 @@ mod wiring;
 
 pub(crate) use contacts::{Contact, contact};
 pub(crate) use course::search;
+pub(crate) use intervals::Estimate;
 pub(crate) use no_cause::{NoCause, without_causes};
 pub(crate) use searched::Searched;
 pub(crate) use sets::{SIZES, log_sum};

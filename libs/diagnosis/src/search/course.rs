@@ -286,7 +286,7 @@ impl<'a> Course<'a> {
     /// What the search came to.
     fn ended(self, sets: Vec<Found>, model: Vec<Present>) -> Result<Searched<'a>, ModelError> {
         let best = &sets[0];
-        let estimate = self.search.in_tangents(&self.now.linearized, (&model, best), &self.best_hyper(best))?;
+        let estimate = self.search.known(&self.now.linearized, (&model, best), &self.best_hyper(best))?;
         let Self { search, points, now: About { hyper, linearized, .. }, .. } = self;
         Ok(Searched { search, points, sets: probabilities(sets), model, estimate, hyper, linearized })
     }

@@ -15,19 +15,24 @@ const POLISHED: usize = 6;
 const SCANNED: i32 = 4;
 
 /// What it takes to linearize about a set of causes, and their priors.
-struct ColumnsOfSet<'a> {
+pub(super) struct ColumnsOfSet<'a> {
     search: &'a Search<'a>,
     /// Columns of the uncertain values.
     uncertain: Linearized,
     present: Vec<usize>,
     parameters: Vec<usize>,
     position: Vec<Option<usize>>,
-    slabs: Vec<Slab>,
+    pub(super) slabs: Vec<Slab>,
 }
 
 impl ColumnsOfSet<'_> {
     /// Everything that follows from the data, about a model of these causes.
-    fn point(&self, model: &[Present], slope: Slope, hyper: &[f64]) -> Result<Option<HyperPoint>, ModelError> {
+    pub(super) fn point(
+        &self,
+        model: &[Present],
+        slope: Slope,
+        hyper: &[f64],
+    ) -> Result<Option<HyperPoint>, ModelError> {
         let problem = self.search.problem;
         let kept = Kept::All(problem.of_uncertain(&self.uncertain));
         let linearized = problem.linearized(model, slope, &|c, _| self.present.contains(&c), kept)?;
@@ -64,7 +69,12 @@ fn vertex(values: &[(f64, f64)]) -> f64 {
 }
 
 impl Search<'_> {
-    fn columns_of<'a>(&'a self, uncertain: Linearized, set: &Found, model: &[Present]) -> Option<ColumnsOfSet<'a>> {
+    pub(super) fn columns_of<'a>(
+        &'a self,
+        uncertain: Linearized,
+        set: &Found,
+        model: &[Present],
+    ) -> Option<ColumnsOfSet<'a>> {
         let present: Vec<usize> = model.iter().map(|p| p.candidate).collect();
         let (parameters, position) = self.parameters_with(&present);
         let slabs = self.slabs(&set.causes, &set.classes, &position)?;
@@ -180,19 +190,6 @@ impl Search<'_> {
 }
 
 impl Search<'_> {
-    /// The posterior of a set's coordinates in its tangent space at the estimate: what a coordinate does need not be in proportion to it,
-    /// and the secants that compare presence with absence do not tell how well it is known.
-    pub(super) fn in_tangents(
-        &self,
-        about: &Linearized,
-        (model, set): (&[Present], &Found),
-        hyper: &[f64],
-    ) -> Result<Option<SetPosterior>, ModelError> {
-        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else { return Ok(None) };
-        let point = columns.point(model, Slope::Tangent, hyper)?;
-        Ok(point.and_then(|point| point.posterior.of_set(&columns.slabs)))
-    }
-
     /// Logarithm of a set's marginal likelihood and prior, about its own estimate.
     pub(super) fn log_posterior(&self, (about, hyper): (&Linearized, &[f64]), set: &Found) -> f64 {
         let (parameters, position) = self.parameters_with(&set.causes);

@@ -1,8 +1,8 @@
 //! What a search came to.
 
+use super::intervals::Estimate;
 use super::space::{Found, HyperPoint, Search};
 use crate::problem::{Linearized, Present};
-use fss_estimation::evidence::SetPosterior;
 
 /// What the search came to.
 pub(crate) struct Searched<'a> {
@@ -12,8 +12,8 @@ pub(crate) struct Searched<'a> {
     pub(crate) sets: Vec<(Found, f64)>,
     /// The most probable set at its estimate.
     pub(crate) model: Vec<Present>,
-    /// Its coordinates' posterior about that estimate, in the order of the set's causes; `None` where a column is not finite.
-    pub(crate) estimate: Option<SetPosterior>,
+    /// How well it is known; `None` where a column is not finite.
+    pub(crate) estimate: Option<Estimate>,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
     pub(crate) linearized: Linearized,

@@ -1,0 +1,63 @@
+//! How well a set's estimate is known.
+
+use super::space::{Found, Search};
+use crate::problem::{Linearized, Present, Slope};
+use fss_estimation::evidence::SetPosterior;
+use fss_multibody::ModelError;
+use nalgebra::DMatrix;
+
+/// Step of a shape to either side of the likeliest, over what lies between its neighbours.
+const SHAPE_STEP: f64 = 0.03;
+
+/// How well a set's coordinates are known.
+pub(crate) struct Estimate {
+    /// Posterior mean of the coordinates, in the order of the set's causes.
+    pub(crate) mean: Vec<f64>,
+    /// Their posterior covariance.
+    pub(crate) covariance: DMatrix<f64>,
+    /// Standard deviation of each cause's shape; 0 where it has none.
+    pub(crate) shapes: Vec<f64>,
+}
+
+impl Search<'_> {
+    /// How well a set's estimate is known, in its tangent space: what a coordinate does need not be in proportion to it, and the secants
+    /// that compare presence with absence do not tell that. `None` where a column is not finite.
+    pub(super) fn known(
+        &self,
+        about: &Linearized,
+        (model, set): (&[Present], &Found),
+        hyper: &[f64],
+    ) -> Result<Option<Estimate>, ModelError> {
+        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else { return Ok(None) };
+        let posterior = |model: &[Present], slope: Slope| -> Result<Option<SetPosterior>, ModelError> {
+            Ok(columns.point(model, slope, hyper)?.and_then(|point| point.posterior.of_set(&columns.slabs)))
+        };
+        let Some(mut known) = posterior(model, Slope::Tangent)? else { return Ok(None) };
+        let mut shapes = vec![0.0; set.causes.len()];
+        for (at, present) in model.iter().enumerate() {
+            let own = &self.problem.candidates[present.candidate];
+            let place = set.causes.iter().position(|c| *c == present.candidate);
+            let (Some(place), Some([lower, upper]), true) = (place, own.shapes(), present.coordinates.len() > own.size)
+            else {
+                continue;
+            };
+            let step = SHAPE_STEP * (upper - lower);
+            let beside = |by: f64| {
+                let mut beside = model.to_vec();
+                beside[at].coordinates[own.size] += by;
+                posterior(&beside, Slope::Secant)
+            };
+            let (Some(before), Some(here), Some(after)) = (beside(-step)?, beside(0.0)?, beside(step)?) else {
+                return Ok(None);
+            };
+            // Of a flat prior and a likelihood with this curvature; the coordinates move along with the shape.
+            let bend = (before.log_evidence + after.log_evidence - 2.0 * here.log_evidence) / (step * step);
+            let variance = (12.0 / (upper - lower).powi(2) - bend.min(0.0)).recip();
+            let moves = |i: usize| (after.mean[i] - before.mean[i]) / (2.0 * step);
+            let n = known.mean.len();
+            known.covariance += DMatrix::from_fn(n, n, |i, j| moves(i) * moves(j) * variance);
+            shapes[place] = variance.sqrt();
+        }
+        Ok(Some(Estimate { mean: known.mean, covariance: known.covariance, shapes }))
+    }
+}
