@@ -285,8 +285,10 @@ impl<'a> Course<'a> {
 
     /// What the search came to.
     fn ended(self, sets: Vec<Found>, model: Vec<Present>) -> Result<Searched<'a>, ModelError> {
-        let best = &sets[0];
-        let estimate = self.search.known(&self.now.linearized, (&model, best), &self.best_hyper(best))?;
+        let (best, about) = (&sets[0], &self.now.linearized);
+        let known = |of| self.search.known(about, (&model, best), (&self.best_hyper(best), of));
+        let estimate =
+            self.search.posterior(&self.points, best).map(|(in_secants, _)| known(in_secants)).transpose()?;
         let Self { search, points, now: About { hyper, linearized, .. }, .. } = self;
         Ok(Searched { search, points, sets: probabilities(sets), model, estimate, hyper, linearized })
     }

@@ -21,19 +21,22 @@ pub(crate) struct Estimate {
 
 impl Search<'_> {
     /// How well a set's estimate is known, in its tangent space: what a coordinate does need not be in proportion to it, and the secants
-    /// that compare presence with absence do not tell that. `None` where a column is not finite.
+    /// that compare presence with absence, `in_secants`, do not tell that.
     pub(super) fn known(
         &self,
         about: &Linearized,
         (model, set): (&[Present], &Found),
-        hyper: &[f64],
-    ) -> Result<Option<Estimate>, ModelError> {
-        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else { return Ok(None) };
+        (hyper, in_secants): (&[f64], SetPosterior),
+    ) -> Result<Estimate, ModelError> {
+        let mut shapes = vec![0.0; set.causes.len()];
+        let told = |of: SetPosterior, shapes| Estimate { mean: of.mean, covariance: of.covariance, shapes };
+        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else {
+            return Ok(told(in_secants, shapes));
+        };
         let posterior = |model: &[Present], slope: Slope| -> Result<Option<SetPosterior>, ModelError> {
             Ok(columns.point(model, slope, hyper)?.and_then(|point| point.posterior.of_set(&columns.slabs)))
         };
-        let Some(mut known) = posterior(model, Slope::Tangent)? else { return Ok(None) };
-        let mut shapes = vec![0.0; set.causes.len()];
+        let mut known = posterior(model, Slope::Tangent)?.unwrap_or(in_secants);
         for (at, present) in model.iter().enumerate() {
             let own = &self.problem.candidates[present.candidate];
             let place = set.causes.iter().position(|c| *c == present.candidate);
@@ -48,7 +51,7 @@ impl Search<'_> {
                 posterior(&beside, Slope::Secant)
             };
             let (Some(before), Some(here), Some(after)) = (beside(-step)?, beside(0.0)?, beside(step)?) else {
-                return Ok(None);
+                continue;
             };
             // Of a flat prior and a likelihood with this curvature; the coordinates move along with the shape.
             let bend = (before.log_evidence + after.log_evidence - 2.0 * here.log_evidence) / (step * step);
@@ -58,6 +61,6 @@ impl Search<'_> {
             known.covariance += DMatrix::from_fn(n, n, |i, j| moves(i) * moves(j) * variance);
             shapes[place] = variance.sqrt();
         }
-        Ok(Some(Estimate { mean: known.mean, covariance: known.covariance, shapes }))
+        Ok(told(known, shapes))
     }
 }

@@ -12,7 +12,7 @@ pub(crate) struct Searched<'a> {
     pub(crate) sets: Vec<(Found, f64)>,
     /// The most probable set at its estimate.
     pub(crate) model: Vec<Present>,
-    /// How well it is known; `None` where a column is not finite.
+    /// How well it is known; `None` where the set has no posterior.
     pub(crate) estimate: Option<Estimate>,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
