@@ -252,7 +252,7 @@ impl Block for BaseBlock {
         about.predictor.missing_pulses(plant, effects, |motion| self.samples.read(motion))
     }
 
-    fn forget(&self) {
+    fn forget(&self, _hyper: &[f64]) {
         *self.present() = None;
         self.nominal.predictor.forget();
         self.nominal.rows.forget();

@@ -78,8 +78,9 @@ pub trait Block: Sync + Send {
         Ok(Vec::new())
     }
 
-    /// Forgets what earlier predictions left to be used again; the next one is the one about which others vary.
-    fn forget(&self) {}
+    /// Forgets what earlier predictions left to be used again; the next one is the one about which others vary, and these
+    /// hyper-parameters, in the order of [`Block::hyper_parameters`], are those of what it has for noise.
+    fn forget(&self, _hyper: &[f64]) {}
 
     /// The noise model's hyper-parameters, the same for the same block of every run.
     fn hyper_parameters(&self) -> &[HyperParameter];

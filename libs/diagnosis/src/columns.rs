@@ -17,11 +17,11 @@ const SPRING_STEP: f64 = 0.05;
 const NEAR_STEP: f64 = 0.05;
 
 impl Problem {
-    /// Linearizes every block about a model. Candidates that are not `wanted` in a block keep the columns that they had, or get
+    /// Linearizes every block about a model and hyper-parameters. Candidates that are not `wanted` in a block keep the columns that they had, or get
     /// none.
     pub(crate) fn linearized(
         &self,
-        model: &[Present],
+        (model, hyper): (&[Present], &[f64]),
         slope: Slope,
         wanted: &(dyn Fn(usize, &Member) -> bool + Sync),
         kept: Kept,
@@ -34,6 +34,7 @@ impl Problem {
         let columns = self.members.par_iter().zip(before);
         let columns = columns.map(|(m, before)| {
             let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m)).collect();
+            m.block.forget(self.hyper_of(m, hyper));
             self.columns(m.block.as_ref(), (model, slope), (&wanted, !keeps_uncertain), before)
         });
         let mut size = vec![0.0; self.parameters()];
@@ -52,7 +53,6 @@ impl Problem {
         (wanted, wants_uncertain): (&[bool], bool),
         mut columns: Vec<Vec<f64>>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
-        block.forget();
         let plant = &self.plant;
         let base = block.predict(plant, &self.effects(model))?;
         let mut data: Vec<f64> = block.measured().iter().zip(&base).map(|(y, p)| y - p).collect();

@@ -40,6 +40,7 @@ use fss_experiments::measured::Run;
 use fss_multibody::{Coordinates, ModelError};
 use fss_plant::{Effect, JointPhysics, Physics, Plant};
 use hyper::{Hyper, hyper_parameters};
+use instant::{Instant, instants};
 use linearization::Linearization;
 use linearize::Loaded;
 use mechanics::{Loads, Mechanics, NominalThrust, WindUp};
@@ -80,6 +81,8 @@ pub struct JointBlock {
     hyper: Vec<HyperParameter>,
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Arc<Present>>>,
+    /// The hyper-parameters with which it is.
+    present_hyper: Mutex<Vec<f64>>,
     /// How links swing on elastic drives, those that were asked for last.
     swings: Mutex<Vec<(Vec<Elasticity>, Arc<Swings>)>>,
     /// What drives carry along the path.
@@ -101,6 +104,8 @@ struct Present {
     breakaway_n_m: Vec<f64>,
     /// `None` where it is the nominal one.
     linearization: Option<Linearization>,
+    /// Torques at the moments of the rows; none where the motion follows from the torques.
+    instants: Vec<Instant>,
     /// The path where servos answer otherwise than the nominal plant's, for drives are elastic, or telemetry is of another age; `None`
     /// where neither is so.
     path: Option<MeasuredPath>,
@@ -242,6 +247,7 @@ impl JointBlock {
             anchors,
             hyper,
             present: Mutex::new(None),
+            present_hyper: Mutex::default(),
             swings: Mutex::default(),
             loaded: Memo::new(),
             plant: plant.clone(),
@@ -274,14 +280,24 @@ impl JointBlock {
         };
         let of = |joint: &JointPhysics| joint.friction.breakaway_n_m();
         let breakaway_n_m = physics.joints.iter().map(of).collect();
-        let mut present = Present { is_elastic, breakaway_n_m, linearization: None, path };
-        if self.anchors.is_none() && !(effects.is_empty() && *plant == self.plant) {
-            let path = present.path.as_ref().unwrap_or(&self.path);
-            let parts = (&self.run, path, self.wind_up((plant, effects), &present)?);
-            let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
-            let parts = (path, self.rows.as_slice(), self.scale.as_slice());
-            present.linearization = Linearization::new(plant, &mechanics, parts, &self.nominal.model);
+        let mut present = Present { is_elastic, breakaway_n_m, linearization: None, instants: Vec::new(), path };
+        if self.anchors.is_some() {
+            return Ok(present);
         }
+        let path = present.path.as_ref().unwrap_or(&self.path);
+        let parts = (&self.run, path, self.wind_up((plant, effects), &present)?);
+        let mechanics = Mechanics::new(plant, effects, parts, Some(&self.thrust))?;
+        let rows = self.rows.as_slice();
+        let linearization = if effects.is_empty() && *plant == self.plant {
+            None
+        } else {
+            Linearization::new(plant, &mechanics, (path, rows, &self.scale), &self.nominal.model)
+        };
+        let model = &linearization.as_ref().unwrap_or(&self.nominal).model;
+        let hyper = self.present_hyper.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let readings = linearize::predict(&mechanics, path, rows, &linearize::loaded(&mechanics, path, rows));
+        let instants = instants(&mechanics, rows, (model, &Hyper::new(&hyper, model.driven)), &readings);
+        (present.linearization, present.instants) = (linearization, instants);
         Ok(present)
     }
 
@@ -358,13 +374,14 @@ impl Block for JointBlock {
             Some(anchors) => driven::predict_driven(&mechanics, path, &self.rows, anchors),
             None => linearize::predict(&mechanics, path, &self.rows, &self.loaded(&mechanics, path, effects)?),
         };
-        about.instants.iter().for_each(|instant| instant.add(&mechanics, &self.rows, &mut out));
+        present.instants.iter().for_each(|instant| instant.add(&mechanics, &self.rows, &mut out));
         out.iter_mut().zip(&about.shift).for_each(|(v, s)| *v += s);
         Ok(out)
     }
 
-    fn forget(&self) {
+    fn forget(&self, hyper: &[f64]) {
         *self.present() = None;
+        *self.present_hyper.lock().unwrap_or_else(PoisonError::into_inner) = hyper.to_vec();
         self.loaded.forget();
         self.swings.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }

@@ -59,7 +59,7 @@ fn of_block(
     effects: &[Effect],
     hyper: &[f64],
 ) -> Result<Vec<(Pulse, f64)>, ModelError> {
-    block.forget();
+    block.forget(hyper);
     let (pulses, mut columns): (Vec<Pulse>, Vec<Vec<f64>>) = block.missing_pulses(plant, effects)?.into_iter().unzip();
     if pulses.is_empty() {
         return Ok(Vec::new());

@@ -39,7 +39,8 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
     }
     if let Some(validation) = validation.filter(|v| !v.is_empty()) {
         let wanted = |c: usize, _: &Member| best.causes.contains(&c);
-        let linearized: Linearized = validation.linearized(&searched.model, Slope::Secant, &wanted, Kept::Nothing)?;
+        let linearized: Linearized =
+            validation.linearized((&searched.model, &searched.hyper), Slope::Secant, &wanted, Kept::Nothing)?;
         let grams = validation
             .grams_of_runs(&linearized, &searched.hyper, &parameters, &GramCache::default())
             .unwrap_or_default();

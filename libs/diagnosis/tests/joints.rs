@@ -150,8 +150,8 @@ fn fitted(block: &JointBlock, columns: &Columns, sd: &[f64]) -> Vec<f64> {
 }
 
 /// What is left of the measured rows and the slopes by the parameters, all about `x`.
-fn linearized(block: &JointBlock, x: &[f64], at: &dyn Fn(&[f64]) -> Vec<f64>) -> Columns {
-    block.forget();
+fn linearized(block: &JointBlock, (x, hyper): (&[f64], &[f64]), at: &dyn Fn(&[f64]) -> Vec<f64>) -> Columns {
+    block.forget(hyper);
     let mut residual: Vec<f64> = block.measured().iter().zip(at(x)).map(|(m, p)| m - p).collect();
     let mut columns = Vec::new();
     for k in 0..x.len() {
@@ -192,12 +192,12 @@ fn a_motor_constant_shows_in_torques_that_no_path_tells() {
         }
         let block = joint_block(&plant, &run).unwrap();
         let at = |x: &[f64]| block.predict(&plant, &effects(x)).unwrap();
-        let mut columns = linearized(&block, &[0.0; 2], &at);
+        let mut columns = linearized(&block, (&[0.0; 2], &[]), &at);
         let (mut mean, mut covariance) = (DVector::zeros(2), DMatrix::identity(2, 2));
         for _ in 0..6 {
             let hyper = fitted(&block, &columns, &[1.0, 0.5]);
             (_, mean, covariance) = posterior(&block, &columns, &[1.0, 0.5], &hyper);
-            columns = linearized(&block, mean.as_slice(), &at);
+            columns = linearized(&block, (mean.as_slice(), &hyper), &at);
         }
         let (error, sd) = (mean[0] - truth, covariance[(0, 0)].sqrt());
         println!("seed {seed}: {:.4?}, error {error:.4} ± {sd:.4}", mean.as_slice());
@@ -239,15 +239,17 @@ fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
             let run = flown(&plant, &effects(&truth), rate_hz, seed as u64 + 7);
             let block = joint_block(&plant, &run).unwrap();
             // The parameters multiply each other: linearized anew about what came out.
-            let linearized = |x: &[f64]| linearized(&block, x, &|x| block.predict(&plant, &effects(x)).unwrap());
+            let linearized = |x: &[f64], hyper: &[f64]| {
+                linearized(&block, (x, hyper), &|x| block.predict(&plant, &effects(x)).unwrap())
+            };
             let sd = [1.0, 0.5, 0.5, 1.0];
-            let mut columns = linearized(&[0.0; 4]);
+            let mut columns = linearized(&[0.0; 4], &[]);
             let mut hyper = Vec::new();
             let (mut mean, mut covariance) = (DVector::zeros(4), DMatrix::identity(4, 4));
             for _ in 0..4 {
                 hyper = fitted(&block, &columns, &sd);
                 (_, mean, covariance) = posterior(&block, &columns, &sd, &hyper);
-                columns = linearized(mean.as_slice());
+                columns = linearized(mean.as_slice(), &hyper);
             }
             let beyond = |k: usize| {
                 let error: f64 = mean[k] - truth[k];

@@ -5,6 +5,7 @@
 //! current both show it, its posterior mean is part of what everything is linearized about. With another plant it would be another
 //! one: of what its readings change only that part counts which no torque makes.
 
+use super::hyper::Hyper;
 use super::linearize::reading_of_one;
 use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
@@ -23,9 +24,14 @@ pub(super) struct Instant {
     torque_n_m: f64,
 }
 
-/// What the rows show under the plant of `mechanics`, with which they read `readings` along the path; hyper-parameters are their priors'
-/// medians.
-pub(super) fn instants(mechanics: &Mechanics, rows: &[Row], model: &NoiseModel, readings: &[f64]) -> Vec<Instant> {
+/// What the rows show under the plant of `mechanics`, with which they read `readings` along the path. The mean is independent of what
+/// tells a constant, the difference between the two rows, where their noises are those that the runs have.
+pub(super) fn instants(
+    mechanics: &Mechanics,
+    rows: &[Row],
+    (model, hyper): (&NoiseModel, &Hyper),
+    readings: &[f64],
+) -> Vec<Instant> {
     let mut out = Vec::new();
     for (moment, own) in moments(rows).into_iter().enumerate() {
         for joint in 0..model.links {
@@ -36,7 +42,7 @@ pub(super) fn instants(mechanics: &Mechanics, rows: &[Row], model: &NoiseModel, 
             let friction = |i: usize| mechanics.physics(t_s).joints[i].friction.breakaway_n_m();
             let breakaway_n_m: Vec<f64> = (0..model.links).map(friction).collect();
             let unit = both.map(|k| reading_of_one(mechanics, t_s, rows[k].kind));
-            let variances = both.map(|k| model.variances_of_drive((&rows[k], k), moment, &breakaway_n_m));
+            let variances = both.map(|k| model.variances_of_drive((&rows[k], k), moment, (hyper, &breakaway_n_m)));
             let precision = variances.map(|[_, own]| own.recip());
             let sum = |of: &dyn Fn(usize) -> f64| (0..2).map(|i| precision[i] * unit[i] * of(i)).sum::<f64>();
             let prior = unit[0] * unit[0] / variances[0][0];

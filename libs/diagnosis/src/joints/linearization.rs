@@ -1,6 +1,5 @@
 //! What the rows depend on, linearized about a plant.
 
-use super::instant::{Instant, instants};
 use super::linearize;
 use super::mechanics::Mechanics;
 use super::noise::NoiseModel;
@@ -11,8 +10,6 @@ use fss_plant::Plant;
 /// The noise's model, and what a prediction along the path lacks.
 pub(super) struct Linearization {
     pub(super) model: NoiseModel,
-    /// Torques at the moments of the rows; none where the motion follows from the torques.
-    pub(super) instants: Vec<Instant>,
     /// Mean over a row's samples less the reading at its time, less what the path is beside the reference.
     pub(super) shift: Vec<f64>,
 }
@@ -36,7 +33,6 @@ impl Linearization {
         let model = NoiseModel { slopes, ..model.clone() };
         let beside = model.read_motion(rows, |joint, stamp_s| path.deviation(joint, stamp_s));
         let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
-        let instants = if model.driven { Vec::new() } else { instants(mechanics, rows, &model, &readings) };
-        Some(Self { model, instants, shift })
+        Some(Self { model, shift })
     }
 }

@@ -257,11 +257,15 @@ impl NoiseModel {
     }
 
     /// Variance of what a drive's row reads of accelerations at its instant and of the torque on its link, and of all else that it reads
-    /// beside the path, at the priors' medians.
-    pub(super) fn variances_of_drive(&self, (row, k): (&Row, usize), moment: usize, breakaway_n_m: &[f64]) -> [f64; 2] {
-        let (places, hyper) = (self.places(), Hyper::new(&[], self.driven));
-        let mut states = Vec::new();
-        let (mut shared, mut own) = (0.0, self.measurement((row, k), (&hyper, breakaway_n_m), &places, &mut states));
+    /// beside the path.
+    pub(super) fn variances_of_drive(
+        &self,
+        (row, k): (&Row, usize),
+        moment: usize,
+        (hyper, breakaway_n_m): (&Hyper, &[f64]),
+    ) -> [f64; 2] {
+        let (places, mut states) = (self.places(), Vec::new());
+        let (mut shared, mut own) = (0.0, self.measurement((row, k), (hyper, breakaway_n_m), &places, &mut states));
         for (state, slope) in states {
             if state >= places.instant {
                 shared += slope * slope * self.instant_variance(moment, state - places.instant);

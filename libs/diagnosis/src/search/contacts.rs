@@ -69,7 +69,8 @@ impl Tried {
             if present.coordinates.iter().enumerate().any(|(i, value)| *value > own.bounds(i)[1]) {
                 return Ok(None);
             }
-            let about = search.with_columns_of(std::slice::from_ref(&present), problem.of_uncertain(&uncertain))?;
+            let about = search
+                .with_columns_of((std::slice::from_ref(&present), &starts[1]), problem.of_uncertain(&uncertain))?;
             let mut is_likeliest = false;
             for start in &starts {
                 let (value, class) = search.likeliest_class((&about, start), candidate);
@@ -80,7 +81,7 @@ impl Tried {
             Ok::<_, ModelError>(Some(is_likeliest))
         })?;
         let (value, present, class, hyper) = likeliest;
-        let about = search.with_columns_of(&searched.model, uncertain)?;
+        let about = search.with_columns_of((&searched.model, &starts[1]), uncertain)?;
         let other = starts.iter().map(|start| search.log_posterior((&about, start), &searched.sets[0].0));
         let gain = value - other.fold(f64::NEG_INFINITY, f64::max);
         Ok(Self { contact: Contact { present, class }, hyper: hyper.clone(), gain })
@@ -92,10 +93,12 @@ impl Tried {
         let (problem, uncertain) =
             of_all.where_seen(self.contact.candidate(), of_all.of_uncertain(&searched.linearized));
         let search = Search::new(&problem);
-        let about = |model: &[Present]| search.with_columns_of(model, problem.of_uncertain(&uncertain));
-        let own = about(std::slice::from_ref(&self.contact.present))?;
+        let about =
+            |model: &[Present], hyper: &[f64]| search.with_columns_of((model, hyper), problem.of_uncertain(&uncertain));
+        let own = about(std::slice::from_ref(&self.contact.present), &self.hyper)?;
         let (_, own) = search.optimum(&own, &self.contact.alone(), &self.hyper);
-        let (_, other) = search.optimum(&about(&searched.model)?, &searched.sets[0].0, &searched.hyper);
+        let (_, other) =
+            search.optimum(&about(&searched.model, &searched.hyper)?, &searched.sets[0].0, &searched.hyper);
         Ok(own - other)
     }
 }
@@ -123,9 +126,13 @@ fn alone(candidate: usize, class: usize) -> Found {
 }
 
 impl Search<'_> {
-    fn with_columns_of(&self, model: &[Present], kept: Linearized) -> Result<Linearized, ModelError> {
+    fn with_columns_of(
+        &self,
+        (model, hyper): (&[Present], &[f64]),
+        kept: Linearized,
+    ) -> Result<Linearized, ModelError> {
         let is_present = |c: usize, _: &_| model.iter().any(|p| p.candidate == c);
-        self.problem.linearized(model, Slope::Secant, &is_present, Kept::All(kept))
+        self.problem.linearized((model, hyper), Slope::Secant, &is_present, Kept::All(kept))
     }
 
     /// The class of its prior in which a cause alone is likeliest, and the logarithm of its marginal likelihood there.

@@ -111,7 +111,7 @@ impl<'a> Course<'a> {
             is_in(c) || among.is_none_or(|among| among.contains(&c)) && problem.at_first(c, member)
         };
         let kept = if model.is_empty() { Kept::All(uncertain) } else { Kept::Nothing };
-        let linearized = problem.linearized(&model, Slope::Secant, &at_first, kept)?;
+        let linearized = problem.linearized((&model, &hyper), Slope::Secant, &at_first, kept)?;
         let search = Search::new(problem);
         let null_hyper = hyper.clone();
         let (hyper, log_posterior) = match from {
@@ -158,7 +158,7 @@ impl<'a> Course<'a> {
         let chosen = &search.chosen;
         let wanted = |c: usize, m: &Member| chosen.contains(&c) && !(is_first && problem.at_first(c, m));
         let kept = Kept::All(std::mem::take(&mut now.linearized));
-        now.linearized = problem.linearized(&now.model, Slope::Secant, &wanted, kept)?;
+        now.linearized = problem.linearized((&now.model, &now.hyper), Slope::Secant, &wanted, kept)?;
         self.points = search.points(&now.linearized, null_hyper, &now.hyper);
         Ok(())
     }
@@ -186,7 +186,8 @@ impl<'a> Course<'a> {
             let news = best.causes.iter().filter(|c| now.model.iter().all(|p| p.candidate != **c));
             let stiffnesses: Vec<usize> = news.copied().filter(|c| self.is_elastic(*c)).collect();
             let kept = Kept::All(std::mem::take(&mut self.now.linearized));
-            self.now.linearized = search.problem.linearized(&self.now.model, Slope::Secant, &|_, _| false, kept)?;
+            self.now.linearized =
+                search.problem.linearized((&self.now.model, &self.now.hyper), Slope::Secant, &|_, _| false, kept)?;
             self.refuted.extend(stiffnesses);
             self.is_seen = false;
             return Ok(Next::Another);
@@ -268,9 +269,10 @@ impl<'a> Course<'a> {
 
     /// Linearizes about the present model again, after another one.
     fn come_back(&mut self, from: Linearized) -> Result<(), ModelError> {
-        let model = &self.now.model;
+        let About { model, hyper, .. } = &self.now;
         let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
-        self.now.linearized = self.search.problem.linearized(model, Slope::Secant, &present, Kept::Causes(from))?;
+        self.now.linearized =
+            self.search.problem.linearized((model, hyper), Slope::Secant, &present, Kept::Causes(from))?;
         Ok(())
     }
 
@@ -326,7 +328,7 @@ impl Search<'_> {
     /// Linearizes about a model of a set; columns of causes that it does not have stay.
     fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], kept: Linearized) -> Result<About, ModelError> {
         let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
-        let linearized = self.problem.linearized(&model, Slope::Secant, &present, Kept::Causes(kept))?;
+        let linearized = self.problem.linearized((&model, start), Slope::Secant, &present, Kept::Causes(kept))?;
         let (hyper, log_posterior) = self.optimum(&linearized, set, start);
         Ok(About { model, linearized, hyper, log_posterior })
     }

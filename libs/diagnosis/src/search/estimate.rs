@@ -35,7 +35,7 @@ impl ColumnsOfSet<'_> {
     ) -> Result<Option<HyperPoint>, ModelError> {
         let problem = self.search.problem;
         let kept = Kept::All(problem.of_uncertain(&self.uncertain));
-        let linearized = problem.linearized(model, slope, &|c, _| self.present.contains(&c), kept)?;
+        let linearized = problem.linearized((model, hyper), slope, &|c, _| self.present.contains(&c), kept)?;
         Ok(self.search.point(&linearized, hyper, &self.parameters, &GramCache::default()))
     }
 

@@ -26,7 +26,8 @@ pub(crate) fn without_causes(
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<NoCause, ModelError> {
     say("inferring the noise without causes");
-    let uncertain = problem.linearized(&[], Slope::Secant, &|_, _| false, Kept::Nothing)?;
+    let uncertain =
+        problem.linearized((&[], near.unwrap_or(&medians(problem))), Slope::Secant, &|_, _| false, Kept::Nothing)?;
     let search = Search::new(problem);
     let from = |start: &[f64], reach: Reach| search.optimized(&uncertain, &[], &[], start, reach, |_, _| true);
     let hyper = near.map_or_else(|| from(&medians(problem), Reach::OF_PRIOR), |near| from(near, Reach::NEAR));

@@ -25,7 +25,7 @@ impl Standing<'_> {
     pub(crate) fn is_likelier_in(&self, other: &Problem) -> Result<bool, ModelError> {
         let is_present = |c: usize, _: &Member| self.model.iter().any(|p| p.candidate == c);
         let log_posterior = |problem: &Problem, kept: Kept| -> Result<f64, ModelError> {
-            let about = problem.linearized(self.model, Slope::Secant, &is_present, kept)?;
+            let about = problem.linearized((self.model, self.hyper), Slope::Secant, &is_present, kept)?;
             Ok(Search::new(problem).log_posterior((&about, self.hyper), self.set))
         };
         let problem = self.search.problem;

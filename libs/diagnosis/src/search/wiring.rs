@@ -49,7 +49,7 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
         return Ok(None);
     }
     let wanted = |c: usize, _: &Member| search.chosen.contains(&c);
-    let nominal = problem.linearized(&[], Slope::Secant, &wanted, Kept::Nothing)?;
+    let nominal = problem.linearized((&[], &searched.hyper), Slope::Secant, &wanted, Kept::Nothing)?;
     let actions = Actions::new(problem, count)?;
     let without = actions.wired(&nominal, &vec![None; count]);
     let starts = [searched.hyper.clone(), searched.points[0].hyper.clone(), medians(problem)];
