@@ -17,8 +17,8 @@ const SPRING_STEP: f64 = 0.05;
 const NEAR_STEP: f64 = 0.05;
 
 impl Problem {
-    /// Linearizes every block about a model and hyper-parameters. Candidates that are not `wanted` in a block keep the columns that they had, or get
-    /// none.
+    /// Linearizes every block about a model and hyper-parameters. Candidates that are not `wanted` in a block keep the columns that they
+    /// had, or get none.
     pub(crate) fn linearized(
         &self,
         (model, hyper): (&[Present], &[f64]),

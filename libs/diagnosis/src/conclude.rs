@@ -173,8 +173,8 @@ fn estimate_of(problem: &Problem, searched: &Searched, candidate: usize) -> Opti
 fn deviations(problem: &Problem, (set, place): (&Found, usize), estimate: &Estimate, present: &Present) -> Vec<f64> {
     let own = &problem.candidates[present.candidate];
     let first: usize = set.causes[..place].iter().map(|c| problem.candidates[*c].size).sum();
-    let variance = |i: usize, j: usize| estimate.covariance[(first + i, first + j)];
-    let mean = |i: usize| estimate.mean[first + i];
+    let variance = |i: usize, j: usize| estimate.coordinates.covariance[(first + i, first + j)];
+    let mean = |i: usize| estimate.coordinates.mean[first + i];
     let mut std = vec![0.0; own.nominal.values().len()];
     match own.prior.response {
         Response::Linear => (0..own.size).for_each(|i| std[i] = variance(i, i).sqrt()),

@@ -44,7 +44,7 @@ use instant::{Instant, instants};
 use linearization::Linearization;
 use linearize::Loaded;
 use mechanics::{Loads, Mechanics, NominalThrust, WindUp};
-use noise::{ANY_SHARE, NoiseModel};
+use noise::NoiseModel;
 use path::MeasuredPath;
 use rows::{Kind, Row};
 use std::f64::consts::TAU;
@@ -54,8 +54,6 @@ use track::Track;
 /// Accelerations and rates of which a plant's torque scale is made, rad/s2 and rad/s: what arms on tables do.
 const TYPICAL_ACCELERATION: f64 = 1.0;
 const TYPICAL_RATE: f64 = 0.5;
-/// Half of the time over which a command's acceleration is averaged, s.
-const ACTIVITY_S: f64 = 0.3;
 /// Fewer moments than this cannot hold an initial state and say anything.
 const FEWEST_MOMENTS: usize = 4;
 
@@ -137,7 +135,7 @@ pub(crate) fn joint_block_with(plant: &Plant, run: &Run, answers: &Arc<Answers>)
     for (row, nominal) in rows.iter_mut().zip(&nominal).filter(|(row, _)| row.kind == Kind::Tip(2)) {
         row.value -= TAU * ((row.value - nominal) / TAU).round();
     }
-    let model = noise_model(plant, run, &path, &rows);
+    let model = NoiseModel::new(plant, run, &path, &rows);
     let anchors = model.driven.then(|| driven::anchors(&mechanics, &path, &rows, &nominal));
     let parts = (&path, rows.as_slice(), scale.as_slice());
     let mut nominal = Linearization::new(plant, &mechanics, parts, &model)?;
@@ -173,43 +171,6 @@ fn torque_scale(plant: &Plant) -> Option<Vec<f64>> {
         mass[(3 + i, 3 + i)] * TYPICAL_ACCELERATION + friction + weight(i)
     };
     Some(plant.links.iter().enumerate().map(scale).collect())
-}
-
-/// The model but for the rows' slopes.
-fn noise_model(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> NoiseModel {
-    let links = plant.link_count();
-    let has = |wanted: &dyn Fn(Kind) -> bool| rows.iter().any(|r| wanted(r.kind));
-    let moments: Vec<f64> = rows::moments(rows).iter().map(|m| rows[m.start].t_s).collect();
-    let activity = moments.iter().map(|t| (0..links).map(|i| activity(path, i, *t)).collect()).collect();
-    let reach_m: f64 = plant.links.iter().map(|l| l.length_m).sum::<f64>().max(1e-3);
-    NoiseModel {
-        links,
-        driven: telemetry::is_driven(run),
-        sensed: (0..links).map(|i| has(&|k| k == Kind::Torque(i))).collect(),
-        powered: (0..links).map(|i| has(&|k| k == Kind::Current(i) || k == Kind::Undriven(i))).collect(),
-        has_tip: has(&|k| matches!(k, Kind::Tip(_))),
-        reach_m,
-        slopes: Vec::new(),
-        activity,
-        interval_s: telemetry::median_interval(&moments),
-        any_acceleration: any_acceleration(path),
-        is_told_by_datagrams: datagrams(plant, run).is_some(),
-    }
-}
-
-/// An acceleration that no error of the path is as large as, rad/s2.
-fn any_acceleration(path: &MeasuredPath) -> f64 {
-    let squares = path.joints.iter().flat_map(|track| path.grid_s().map(|t| track.at(t)[2].powi(2)));
-    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-    ANY_SHARE * (sum / f64::max(count, 1.0)).sqrt() + 1.0
-}
-
-/// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
-fn activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
-    const SAMPLES: i32 = 12;
-    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference[joint]);
-    let at = |k: i32| track.at(t_s + ACTIVITY_S * f64::from(k) / f64::from(SAMPLES))[2];
-    ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
 }
 
 impl JointBlock {
@@ -293,10 +254,10 @@ impl JointBlock {
         } else {
             Linearization::new(plant, &mechanics, (path, rows, &self.scale), &self.nominal.model)
         };
-        let model = &linearization.as_ref().unwrap_or(&self.nominal).model;
+        let about = linearization.as_ref().unwrap_or(&self.nominal);
         let hyper = self.present_hyper.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let readings = linearize::predict(&mechanics, path, rows, &linearize::loaded(&mechanics, path, rows));
-        let instants = instants(&mechanics, rows, (model, &Hyper::new(&hyper, model.driven)), &readings);
+        let hyper = Hyper::new(&hyper, about.model.driven);
+        let instants = instants(&mechanics, rows, about, (&hyper, &present.breakaway_n_m));
         (present.linearization, present.instants) = (linearization, instants);
         Ok(present)
     }

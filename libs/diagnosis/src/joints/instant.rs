@@ -6,9 +6,9 @@
 //! one: of what its readings change only that part counts which no torque makes.
 
 use super::hyper::Hyper;
+use super::linearization::Linearization;
 use super::linearize::reading_of_one;
 use super::mechanics::Mechanics;
-use super::noise::NoiseModel;
 use super::rows::{Kind, Row, moments};
 
 /// What torque sensor and current of a joint show together at a moment.
@@ -24,29 +24,27 @@ pub(super) struct Instant {
     torque_n_m: f64,
 }
 
-/// What the rows show under the plant of `mechanics`, with which they read `readings` along the path. The mean is independent of what
-/// tells a constant, the difference between the two rows, where their noises are those that the runs have.
+/// What the rows show under the plant of `mechanics`, about which everything is linearized. The mean is independent of what tells a
+/// constant, the difference between the two rows, where the hyper-parameters are those that the runs have.
 pub(super) fn instants(
     mechanics: &Mechanics,
     rows: &[Row],
-    (model, hyper): (&NoiseModel, &Hyper),
-    readings: &[f64],
+    about: &Linearization,
+    noise: (&Hyper, &[f64]),
 ) -> Vec<Instant> {
+    let (model, places) = (&about.model, about.model.places());
     let mut out = Vec::new();
     for (moment, own) in moments(rows).into_iter().enumerate() {
         for joint in 0..model.links {
-            let of = |kind: Kind| own.clone().find(|k| rows[*k].kind == kind);
-            let Some(both) = of(Kind::Torque(joint)).zip(of(Kind::Current(joint))) else { continue };
-            let both = [both.0, both.1];
-            let t_s = rows[both[0]].t_s;
-            let friction = |i: usize| mechanics.physics(t_s).joints[i].friction.breakaway_n_m();
-            let breakaway_n_m: Vec<f64> = (0..model.links).map(friction).collect();
-            let unit = both.map(|k| reading_of_one(mechanics, t_s, rows[k].kind));
-            let variances = both.map(|k| model.variances_of_drive((&rows[k], k), moment, (hyper, &breakaway_n_m)));
+            let row = |kind: Kind| own.clone().find(|k| rows[*k].kind == kind);
+            let (Some(sensed), Some(driven)) = (row(Kind::Torque(joint)), row(Kind::Current(joint))) else { continue };
+            let both = [sensed, driven];
+            let unit = both.map(|k| reading_of_one(mechanics, rows[k].t_s, rows[k].kind));
+            let variances = both.map(|k| model.variances_of_drive((&rows[k], k), moment, noise, &places));
             let precision = variances.map(|[_, own]| own.recip());
             let sum = |of: &dyn Fn(usize) -> f64| (0..2).map(|i| precision[i] * unit[i] * of(i)).sum::<f64>();
             let prior = unit[0] * unit[0] / variances[0][0];
-            let torque_n_m = sum(&|i| rows[both[i]].value - readings[both[i]]) / (prior + sum(&|i| unit[i]));
+            let torque_n_m = sum(&|i| rows[both[i]].value - about.readings[both[i]]) / (prior + sum(&|i| unit[i]));
             if torque_n_m.is_finite() {
                 out.push(Instant { rows: both, unit, precision, torque_n_m });
             }

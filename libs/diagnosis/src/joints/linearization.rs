@@ -10,6 +10,8 @@ use fss_plant::Plant;
 /// The noise's model, and what a prediction along the path lacks.
 pub(super) struct Linearization {
     pub(super) model: NoiseModel,
+    /// What the rows read at their times along the path.
+    pub(super) readings: Vec<f64>,
     /// Mean over a row's samples less the reading at its time, less what the path is beside the reference.
     pub(super) shift: Vec<f64>,
 }
@@ -33,6 +35,6 @@ impl Linearization {
         let model = NoiseModel { slopes, ..model.clone() };
         let beside = model.read_motion(rows, |joint, stamp_s| path.deviation(joint, stamp_s));
         let shift = averaging.iter().zip(&beside).map(|(a, b)| a - b).collect();
-        Some(Self { model, shift })
+        Some(Self { model, readings, shift })
     }
 }

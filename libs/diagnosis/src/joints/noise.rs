@@ -7,14 +7,21 @@
 //! what it is.
 
 use super::hyper::Hyper;
+use super::path::MeasuredPath;
 use super::process::{by_accelerations, singer};
-use super::rows::{Kind, Row, Slopes};
+use super::rows::{Kind, Row, Slopes, moments};
+use super::telemetry::{is_driven, median_interval};
+use crate::servo_response::datagrams;
 use fss_estimation::{Columns, Step, Whitener};
+use fss_experiments::measured::Run;
+use fss_plant::Plant;
 
 /// Standard deviations at the first row, much more than anything: rad, rad/s.
 const START_SD: [f64; 2] = [10.0, 30.0];
 /// No error of a path's acceleration is as many times the path's own.
-pub(super) const ANY_SHARE: f64 = 10.0;
+const ANY_SHARE: f64 = 10.0;
+/// Half of the time over which a command's acceleration is averaged, s.
+const ACTIVITY_S: f64 = 0.3;
 /// Pauses so many times longer than other intervals say nothing of a swinging arm's motion.
 const PAUSE: f64 = 2.5;
 /// Where no sensor has noise: share of the torque scale that a free joint's bearing is known to leave, for numerics.
@@ -46,7 +53,7 @@ pub(super) struct NoiseModel {
 }
 
 /// Places of the states.
-struct Places {
+pub(super) struct Places {
     link: Vec<Option<usize>>,
     drive: Vec<Option<usize>>,
     tip: Option<usize>,
@@ -62,7 +69,29 @@ struct Places {
 }
 
 impl NoiseModel {
-    fn places(&self) -> Places {
+    /// The model but for the rows' slopes.
+    pub(super) fn new(plant: &Plant, run: &Run, path: &MeasuredPath, rows: &[Row]) -> Self {
+        let links = plant.link_count();
+        let has = |wanted: &dyn Fn(Kind) -> bool| rows.iter().any(|r| wanted(r.kind));
+        let times_s: Vec<f64> = moments(rows).iter().map(|m| rows[m.start].t_s).collect();
+        let activity = times_s.iter().map(|t| (0..links).map(|i| path_activity(path, i, *t)).collect()).collect();
+        let reach_m: f64 = plant.links.iter().map(|l| l.length_m).sum::<f64>().max(1e-3);
+        Self {
+            links,
+            driven: is_driven(run),
+            sensed: (0..links).map(|i| has(&|k| k == Kind::Torque(i))).collect(),
+            powered: (0..links).map(|i| has(&|k| k == Kind::Current(i) || k == Kind::Undriven(i))).collect(),
+            has_tip: has(&|k| matches!(k, Kind::Tip(_))),
+            reach_m,
+            slopes: Vec::new(),
+            activity,
+            interval_s: median_interval(&times_s),
+            any_acceleration: any_acceleration(path),
+            is_told_by_datagrams: datagrams(plant, run).is_some(),
+        }
+    }
+
+    pub(super) fn places(&self) -> Places {
         let mut count = 3 * self.links;
         let mut next = |present: bool| {
             let place = present.then_some(count);
@@ -263,9 +292,10 @@ impl NoiseModel {
         (row, k): (&Row, usize),
         moment: usize,
         (hyper, breakaway_n_m): (&Hyper, &[f64]),
+        places: &Places,
     ) -> [f64; 2] {
-        let (places, mut states) = (self.places(), Vec::new());
-        let (mut shared, mut own) = (0.0, self.measurement((row, k), (hyper, breakaway_n_m), &places, &mut states));
+        let mut states = Vec::new();
+        let (mut shared, mut own) = (0.0, self.measurement((row, k), (hyper, breakaway_n_m), places, &mut states));
         for (state, slope) in states {
             if state >= places.instant {
                 shared += slope * slope * self.instant_variance(moment, state - places.instant);
@@ -282,4 +312,19 @@ impl NoiseModel {
     fn white(&self, torque: f64, hyper: &Hyper) -> f64 {
         if self.driven { (torque * hyper.white).powi(2) / self.interval_s } else { 0.0 }
     }
+}
+
+/// An acceleration that no error of the path is as large as, rad/s2.
+fn any_acceleration(path: &MeasuredPath) -> f64 {
+    let squares = path.joints.iter().flat_map(|track| path.grid_s().map(|t| track.at(t)[2].powi(2)));
+    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    ANY_SHARE * (sum / f64::max(count, 1.0)).sqrt() + 1.0
+}
+
+/// Root mean square of what a joint's acceleration is to be around `t_s`, rad/s2.
+fn path_activity(path: &MeasuredPath, joint: usize, t_s: f64) -> f64 {
+    const SAMPLES: i32 = 12;
+    let track = path.reference.as_ref().map_or(&path.joints[joint], |reference| &reference[joint]);
+    let at = |k: i32| track.at(t_s + ACTIVITY_S * f64::from(k) / f64::from(SAMPLES))[2];
+    ((-SAMPLES..=SAMPLES).map(|k| at(k).powi(2)).sum::<f64>() / f64::from(2 * SAMPLES + 1)).sqrt()
 }

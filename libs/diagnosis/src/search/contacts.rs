@@ -70,7 +70,7 @@ impl Tried {
                 return Ok(None);
             }
             let about = search
-                .with_columns_of((std::slice::from_ref(&present), &starts[1]), problem.of_uncertain(&uncertain))?;
+                .with_columns_of((std::slice::from_ref(&present), &searched.hyper), problem.of_uncertain(&uncertain))?;
             let mut is_likeliest = false;
             for start in &starts {
                 let (value, class) = search.likeliest_class((&about, start), candidate);
@@ -81,7 +81,7 @@ impl Tried {
             Ok::<_, ModelError>(Some(is_likeliest))
         })?;
         let (value, present, class, hyper) = likeliest;
-        let about = search.with_columns_of((&searched.model, &starts[1]), uncertain)?;
+        let about = search.with_columns_of((&searched.model, &searched.hyper), uncertain)?;
         let other = starts.iter().map(|start| search.log_posterior((&about, start), &searched.sets[0].0));
         let gain = value - other.fold(f64::NEG_INFINITY, f64::max);
         Ok(Self { contact: Contact { present, class }, hyper: hyper.clone(), gain })

@@ -11,10 +11,8 @@ const SHAPE_STEP: f64 = 0.03;
 
 /// How well a set's coordinates are known.
 pub(crate) struct Estimate {
-    /// Posterior mean of the coordinates, in the order of the set's causes.
-    pub(crate) mean: Vec<f64>,
-    /// Their posterior covariance.
-    pub(crate) covariance: DMatrix<f64>,
+    /// Posterior of the coordinates, in the order of the set's causes.
+    pub(crate) coordinates: SetPosterior,
     /// Standard deviation of each cause's shape; 0 where it has none.
     pub(crate) shapes: Vec<f64>,
 }
@@ -29,14 +27,13 @@ impl Search<'_> {
         (hyper, in_secants): (&[f64], SetPosterior),
     ) -> Result<Estimate, ModelError> {
         let mut shapes = vec![0.0; set.causes.len()];
-        let told = |of: SetPosterior, shapes| Estimate { mean: of.mean, covariance: of.covariance, shapes };
         let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else {
-            return Ok(told(in_secants, shapes));
+            return Ok(Estimate { coordinates: in_secants, shapes });
         };
         let posterior = |model: &[Present], slope: Slope| -> Result<Option<SetPosterior>, ModelError> {
             Ok(columns.point(model, slope, hyper)?.and_then(|point| point.posterior.of_set(&columns.slabs)))
         };
-        let mut known = posterior(model, Slope::Tangent)?.unwrap_or(in_secants);
+        let mut coordinates = posterior(model, Slope::Tangent)?.unwrap_or(in_secants);
         for (at, present) in model.iter().enumerate() {
             let own = &self.problem.candidates[present.candidate];
             let place = set.causes.iter().position(|c| *c == present.candidate);
@@ -57,10 +54,10 @@ impl Search<'_> {
             let bend = (before.log_evidence + after.log_evidence - 2.0 * here.log_evidence) / (step * step);
             let variance = (12.0 / (upper - lower).powi(2) - bend.min(0.0)).recip();
             let moves = |i: usize| (after.mean[i] - before.mean[i]) / (2.0 * step);
-            let n = known.mean.len();
-            known.covariance += DMatrix::from_fn(n, n, |i, j| moves(i) * moves(j) * variance);
+            let n = coordinates.mean.len();
+            coordinates.covariance += DMatrix::from_fn(n, n, |i, j| moves(i) * moves(j) * variance);
             shapes[place] = variance.sqrt();
         }
-        Ok(told(known, shapes))
+        Ok(Estimate { coordinates, shapes })
     }
 }
