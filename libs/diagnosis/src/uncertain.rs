@@ -4,10 +4,12 @@
 
 use crate::problem::is_same;
 use crate::servo_response::own_servo;
-use fss_plant::{Effect, Plant, Servo, Uncertainty};
+use fss_plant::{Effect, Plant, Servo, Uncertainty, Valves};
 
 /// Gains of a servo are known to this share: a driver's tuning follows its load and its supply.
 const GAIN_SHARE: f64 = 0.15;
+/// Times in which valves open and close are known to this share: they follow pressure, supply and temperature.
+const VALVE_TIME_SHARE: f64 = 0.3;
 
 /// One uncertain value.
 #[derive(Clone, Debug)]
@@ -89,11 +91,15 @@ impl Uncertain {
     }
 }
 
-/// Every uncertain value of a plant: those that its file states, and where it states any, the gains of a floating arm's servos.
+/// Every uncertain value of a plant: those that its file states, and where it states any, what no file states of a floating vehicle:
+/// the gains of its arm's servos and the times of its valves.
 pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     let mut all = stated(plant);
     if plant.uncertainty.is_some() && !plant.base.clamped {
         (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all, true)));
+        if plant.thrusters.iter().any(|thruster| !thruster.is_proportional()) {
+            valve_times(&plant.valves, &mut add_to(&mut all, false));
+        }
     }
     all
 }
@@ -159,4 +165,9 @@ fn gains(of: &Servo, i: usize, add: &mut impl FnMut(String, f64, usize, Field)) 
     add(name("velocity_integral_N_m_rad"), GAIN_SHARE * of.velocity_integral_n_m_rad, i, |p, i| {
         &mut own_servo(p, i).velocity_integral_n_m_rad
     });
+}
+
+fn valve_times(of: &Valves, add: &mut impl FnMut(String, f64, usize, Field)) {
+    add("valves rise_s".into(), VALVE_TIME_SHARE * of.rise_s, 0, |p, _| &mut p.valves.rise_s);
+    add("valves fall_s".into(), VALVE_TIME_SHARE * of.fall_s, 0, |p, _| &mut p.valves.fall_s);
 }

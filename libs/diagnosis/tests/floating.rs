@@ -26,6 +26,20 @@ fn its_air_drag_is_named() {
     assert!(found.causes[0].std[0] < 1e-3, "{}", found.causes[0].std[0]);
 }
 
+/// No plant file states how well the times of its valves are known: half as slow again is no fault of theirs.
+#[test]
+fn its_air_drag_is_named_alone_where_valves_are_slower_than_stated() {
+    let mut plant = plant();
+    (plant.valves.rise_s, plant.valves.fall_s) = (0.03, 0.03);
+    plant.uncertainty = Some(Uncertainty::default());
+    let found = diagnose(&plant, &flights(Truth { drag_n_s_m: 0.5, lags_s: 0.045, ..Truth::default() }), &[], &|_| ());
+    let found = found.unwrap();
+    let named: Vec<&str> = found.causes.iter().map(|c| c.effect.id()).collect();
+    assert_eq!(named, ["base_linear_drag"]);
+    let value = found.causes[0].effect.values()[0];
+    assert!((value - 0.5).abs() < 1e-3, "{value} +- {}", found.causes[0].std[0]);
+}
+
 #[test]
 fn friction_that_holds_the_base_after_each_pulse_is_named_alone_and_measured() {
     let rubs = [0.08, 0.004];

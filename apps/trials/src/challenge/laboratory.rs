@@ -39,7 +39,7 @@ pub(super) fn draw(seed: u64, plant: &Plant) -> Result<Plant> {
         room.links[joint].servo = Some(servo);
     }
     sensors(&mut room, dice);
-    // Both times change by the same factor, so that a pulse keeps its impulse.
+    // Both times change by the same factor: where they are equal, a pulse keeps its impulse.
     let slower = within(VALVE_FACTOR, dice);
     room.valves.rise_s *= slower;
     room.valves.fall_s *= slower;

@@ -35,6 +35,8 @@ pub(crate) struct Truth {
     pub(crate) lacks: f64,
     /// Dry friction: a force (N) and a torque (N m).
     pub(crate) rubs: [f64; 2],
+    /// Time constant in which thrust rises and falls, s.
+    pub(crate) lags_s: f64,
 }
 
 /// Speed below which friction is less than its full size (m/s, rad/s).
@@ -53,8 +55,9 @@ fn flight(name: &str, truth: Truth, seed: u64) -> Run {
         t_s += random.random_range(0.5..2.0);
     }
     let mut state = [-0.3, 0.2, 0.4, 0.04, -0.03, 0.02];
+    // Thrust that lags is, but for milliseconds, thrust that comes later.
     let rate = |s: &[f64; 6], t_s: f64| {
-        let open = &valves[valves.partition_point(|(t, _)| *t <= t_s) - 1].1;
+        let open = &valves[valves.partition_point(|(t, _)| *t <= t_s - truth.lags_s).max(1) - 1].1;
         let (sin, cos) = s[2].sin_cos();
         let (mut force, mut torque) = ([0.0; 2], 0.0);
         for (i, ((position, direction), _)) in THRUSTERS.iter().zip(open).enumerate().filter(|(_, (_, open))| **open) {
