@@ -3,9 +3,10 @@
 use crate::servo_response::elasticity;
 use fss_plant::effects::catalogue;
 use fss_plant::{Effect, EffectKind, Index, Physics, Place, Plant, Prior, Response, SLAB_WIDTHS, effects};
+use std::f64::consts::{PI, TAU};
 
 /// A law that no known effect is, and what it depends on: `unmodelled` on one of its channels.
-const LAWS: [(&str, Period); 3] =
+const BASE_LAWS: [(&str, Period); 3] =
     [("base_force", Period::Run), ("base_torque", Period::Run), ("base_torque_by_heading", Period::Turn)];
 /// Periods of a turn that a torque by heading is tried with.
 const TURNS: [f64; 2] = [1.0, 2.0];
@@ -17,6 +18,8 @@ pub(crate) const DISCRETE_SD: f64 = 0.01;
 
 /// Torque of a law of joints, as a share of the largest: whatever resists, it leaves a joint able to move.
 const LAW_SHARE: f64 = 0.03;
+/// Most periods that a torque by a joint's angle has in a turn.
+const MOST_A_TURN: f64 = 30.0;
 
 /// What a law's frequencies are multiples of.
 #[derive(Clone, Copy, PartialEq)]
@@ -110,6 +113,11 @@ impl Candidate {
         if self.bounds(coordinate)[1] < typical { -typical } else { typical }
     }
 
+    /// Whether it is a law of a joint, which shows in the joints' channels alone.
+    pub(crate) fn is_law_of_joint(&self) -> bool {
+        self.is_law && self.nominal.channel().is_some_and(|channel| channel.starts_with("joint_"))
+    }
+
     /// Whether links move on their drives otherwise with it.
     pub(crate) fn is_elastic(&self, plant: &Plant) -> bool {
         let with = |effects: &[Effect]| elasticity(&Physics::with(plant, effects));
@@ -188,6 +196,8 @@ pub(crate) struct Records {
     pub(crate) duration_s: f64,
     /// Least and largest rate of each joint, rad/s.
     pub(crate) rates_rad_s: Vec<[f64; 2]>,
+    /// Range of each joint's angle, rad.
+    pub(crate) ranges_rad: Vec<f64>,
     /// Whether datagrams command joints, so that links swing on elastic drives.
     pub(crate) swing: bool,
 }
@@ -204,10 +214,14 @@ pub(crate) fn candidates(plant: &Plant, records: &Records) -> Vec<Candidate> {
         all.extend(of(&Effect::of(*kind).nominal(plant), " of all"));
     }
     all.extend(if plant.base.clamped {
-        joint_laws(plant, &records.rates_rad_s)
+        laws_by_rate(plant, &records.rates_rad_s)
     } else {
         base_laws(plant, records.duration_s)
     });
+    // Where gravity acts in the plane, masses other than stated make torques by angle, too.
+    if plant.table.gravity_m_s2 == [0.0; 2] {
+        all.extend(laws_by_angle(plant, &records.ranges_rad));
+    }
     // What a clamped base lacks has no typical size.
     let has_size =
         |c: &Candidate| c.prior.response == Response::Discrete || c.prior.typical[..c.size].iter().all(|t| *t > 0.0);
@@ -258,29 +272,50 @@ fn of(effect: &Effect, plant: &Plant, suffix: &str, records: &Records) -> Vec<Ca
     }
 }
 
+/// A law of joints of so many coordinates.
+fn joint_law(nominal: Effect, by: &str, typical: f64, size: usize) -> Candidate {
+    Candidate {
+        nominal,
+        kind: format!("unmodelled joint_torque_by_{by}"),
+        prior: Prior::sized(&vec![typical; size], &vec![1e-3 * typical; size]),
+        shape: 0.0,
+        spacing: None,
+        size,
+        is_law: true,
+    }
+}
+
 /// Of a clamped arm: torques against the square of a joint's rate. What was fitted says nothing of other rates.
-fn joint_laws(plant: &Plant, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
+fn laws_by_rate(plant: &Plant, rates_rad_s: &[[f64; 2]]) -> Vec<Candidate> {
     let law = |(joint, [from, to]): (usize, &[f64; 2])| {
         let mut nominal = Effect::new("unmodelled").ok()?.on(&format!("joint_torque_{}_by_rate", joint + 1));
         nominal.set("from", *from).and_then(|()| nominal.set("to", *to)).ok()?;
         let typical = LAW_SHARE * plant.typical_joint_torque_n_m(joint) / plant.typical_joint_rate_rad_s(joint).powi(2);
-        Some(Candidate {
-            nominal,
-            kind: "unmodelled joint_torque_by_rate".into(),
-            prior: Prior::sized(&[typical], &[1e-3 * typical]),
-            shape: 0.0,
-            spacing: None,
-            size: 1,
-            is_law: true,
-        })
+        Some(joint_law(nominal, "rate", typical, 1))
     };
     rates_rad_s.iter().enumerate().filter_map(law).collect()
+}
+
+/// Torques by a joint's angle, of one period or more over its range, half a turn at the most, in steps of half a period. Those of less
+/// are as of springs.
+fn laws_by_angle(plant: &Plant, ranges_rad: &[f64]) -> Vec<Candidate> {
+    let of_joint = |(joint, range_rad): (usize, &f64)| {
+        let spacing = TAU / (2.0 * range_rad.min(PI));
+        let nominal = Effect::new("unmodelled").map(|e| e.on(&format!("joint_torque_{}_by_angle", joint + 1)));
+        let law = nominal.map(|e| joint_law(e, "angle", LAW_SHARE * plant.typical_joint_torque_n_m(joint), 2));
+        let count = (MOST_A_TURN / spacing) as usize;
+        let with_period = move |k: usize| {
+            law.clone().map(|law| Candidate { shape: k as f64 * spacing, spacing: Some(spacing), ..law })
+        };
+        (2..=count).flat_map(with_period)
+    };
+    ranges_rad.iter().enumerate().flat_map(of_joint).collect()
 }
 
 fn base_laws(plant: &Plant, duration_s: f64) -> Vec<Candidate> {
     let (mass, inertia) = (plant.total_mass_kg(), plant.total_inertia_kg_m2());
     let mut all = Vec::new();
-    for (channel, period) in LAWS {
+    for (channel, period) in BASE_LAWS {
         let Ok(nominal) = Effect::new("unmodelled").map(|e| e.on(channel)) else { continue };
         let is_force = channel == "base_force";
         let typical = if is_force { 1.5e-3 * mass } else { 5e-3 * inertia };
@@ -312,7 +347,7 @@ mod tests {
     #[test]
     fn a_scale_is_anywhere_between_those_that_are_tried() {
         let plant = Plant::default_laboratory().unwrap();
-        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), swing: false };
+        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), ranges_rad: Vec::new(), swing: false };
         let all = candidates(&plant, &records);
         let mut tried: Vec<[f64; 2]> = all
             .iter()
@@ -328,9 +363,21 @@ mod tests {
     }
 
     #[test]
+    fn a_joint_that_turns_round_is_tried_with_whole_periods_a_turn_and_one_that_rests_with_none() {
+        let plant = Plant::default_laboratory().unwrap();
+        let laws = laws_by_angle(&plant, &[40.0, 0.0, TAU / 4.0]);
+        let periods_a_turn = |joint: usize| -> Vec<f64> {
+            let channel = format!("joint_torque_{joint}_by_angle");
+            laws.iter().filter(|c| c.nominal.channel() == Some(&channel)).map(|c| c.shape).collect()
+        };
+        let whole = (2..=30).map(f64::from).collect::<Vec<_>>();
+        assert_eq!([1, 2, 3].map(periods_a_turn), [whole, vec![], (2..=15).map(|k| 2.0 * f64::from(k)).collect()]);
+    }
+
+    #[test]
     fn a_cause_departs_from_nominal_with_all_its_coordinates_or_with_one() {
         let plant = Plant::default_laboratory().unwrap();
-        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), swing: false };
+        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), ranges_rad: Vec::new(), swing: false };
         let all = candidates(&plant, &records);
         let rubs = all.iter().find(|c| c.kind == "base_coulomb_drag").unwrap();
         let is_slab = |class: usize, i: usize| rubs.prior_in(class, i).1 > 100.0 * rubs.prior.spike[i];

@@ -14,7 +14,7 @@ use rand_distr::{Distribution, StandardNormal};
 /// bounds. `duration_s` is the length of the longest run: frequencies of laws are fractions of it. Spikes are not drawn: what
 /// is absent is nominal.
 pub fn drawn_causes(plant: &Plant, duration_s: f64, random: &mut ChaCha8Rng) -> Vec<Vec<Effect>> {
-    let all = candidates(plant, &Records { duration_s, rates_rad_s: Vec::new(), swing: false });
+    let all = candidates(plant, &Records { duration_s, rates_rad_s: Vec::new(), ranges_rad: Vec::new(), swing: false });
     let mut kinds: Vec<&str> = all.iter().map(|c| c.kind.as_str()).collect();
     kinds.sort_unstable();
     kinds.dedup();

@@ -50,6 +50,17 @@ pub(crate) fn rates(plant: &Plant, runs: &[Run]) -> Vec<[f64; 2]> {
     (0..plant.link_count()).map(of_joint).collect()
 }
 
+/// Range of each joint's angle over all runs, rad.
+pub(crate) fn ranges(plant: &Plant, runs: &[Run]) -> Vec<f64> {
+    let of_joint = |joint: usize| {
+        let angles = runs.iter().filter_map(|run| run.joints.as_ref()?.q_rad.get(joint)).flatten();
+        let finite = angles.filter(|v| v.is_finite());
+        let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
+        (high - low).max(0.0)
+    };
+    (0..plant.link_count()).map(of_joint).collect()
+}
+
 /// Variance of a joint's rate in a run, rad2/s2.
 pub(crate) fn rate_variance(run: &Run, joint: usize) -> f64 {
     let rates = run.joints.as_ref().and_then(|joints| joints.qd_rad_s.get(joint));

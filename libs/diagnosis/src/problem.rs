@@ -3,7 +3,7 @@
 use crate::base::BaseBlock;
 use crate::block::{Block, HyperParameter, VARIATION};
 use crate::candidates::{Candidate, Records, candidates};
-use crate::joint_telemetry::{rate_variance, rates};
+use crate::joint_telemetry::{ranges, rate_variance, rates};
 use crate::joints::joint_block_with;
 pub(crate) use crate::linearized::{Kept, Linearized, Slope, difference};
 use crate::servo_response::datagrams;
@@ -103,7 +103,8 @@ impl Problem {
         let members = members(&tuned, runs)?;
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
         let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
-        let candidates = candidates(plant, &Records { duration_s, rates_rad_s: rates(plant, runs), swing });
+        let (rates_rad_s, ranges_rad) = (rates(plant, runs), ranges(plant, runs));
+        let candidates = candidates(plant, &Records { duration_s, rates_rad_s, ranges_rad, swing });
         // Each stiffness takes a simulation of every run: the run in which its joint moves most tells most.
         let busiest = |c: &Candidate| {
             let joint = c.nominal.index().filter(|_| swing && c.is_elastic(&tuned))? - 1;
@@ -200,11 +201,12 @@ impl Problem {
     }
 
     /// Whether a candidate's columns in a block serve the first look at all candidates: those of laws and onsets are many, and show in the
-    /// base.
+    /// base, or of a joint in its channels.
     pub(crate) fn at_first(&self, candidate: usize, member: &Member) -> bool {
         let own = &self.candidates[candidate];
-        let shows =
-            !(own.is_law || own.begins_late()) || Some(member.family) == self.members.iter().map(|m| m.family).min();
+        let families = self.members.iter().map(|m| m.family);
+        let shown_in = if own.is_law_of_joint() { families.max() } else { families.min() };
+        let shows = !(own.is_law || own.begins_late()) || Some(member.family) == shown_in;
         shows && self.seen_in[candidate].is_none_or(|run| run == member.run)
     }
 

@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use fss_diagnosis::block::{Block, HyperParameter};
+use fss_diagnosis::diagnose;
+use fss_diagnosis::diagnosis::Verdict;
 use fss_diagnosis::joints::{JointBlock, joint_block};
 use fss_estimation::Columns;
 use fss_estimation::pattern_search::maximize;
@@ -205,6 +207,22 @@ fn a_motor_constant_shows_in_torques_that_no_path_tells() {
         sum += error / sd;
     }
     assert!((sum / 2.0_f64).abs() < 3.0, "biased: {sum} over 4 runs");
+}
+
+/// Of the known effects, a spring comes nearest to a torque that hangs on a joint's angle.
+#[test]
+fn a_joint_that_cogs_obeys_a_law_of_its_angle_and_has_no_spring() {
+    let mut plant = plant(1.0);
+    plant.base.clamped = true;
+    let (size_n_m, periods_a_turn) = (0.1, 9.3);
+    let cogs = Effect::new("unmodelled").unwrap().on("joint_torque_1_by_angle");
+    let cogs = [cogs.with(&[size_n_m, periods_a_turn, 0.0, 0.7])];
+    let runs: Vec<Run> = (1..=2).map(|seed| flown(&plant, &cogs, 50.0, seed)).collect();
+    let found = diagnose(&plant, &runs, &[], &|_| ()).unwrap();
+    assert_eq!((found.verdict, found.causes.len()), (Verdict::Unexplained, 0), "{:?}", found.causes);
+    let law = found.laws.iter().find(|law| law.channel() == Some("joint_torque_1_by_angle")).unwrap();
+    assert!((law.values()[0] / size_n_m - 1.0).abs() < 0.1, "{law:?}");
+    assert!((law.values()[1] / periods_a_turn - 1.0).abs() < 0.02, "{law:?}");
 }
 
 #[test]
