@@ -124,7 +124,7 @@ fn what_moves_the_vehicle_far_is_named_for_what_it_is() {
 fn what_is_far_from_proportional_is_one_cause_and_not_several() {
     // Telemetry later than the arm moves evenly, and a gyro that reads deviations of the motion too small.
     let late = Flown::with("id = \"link_latency\"\nindex = 2\ndelay_s = 0.15", &["excitation"]);
-    let scaled = Flown::with("id = \"gyro_scale\"\nscale = 0.83", &["coast", "thrusters"]);
+    let scaled = Flown::with("id = \"gyro_scale\"\nscale = 0.83", &["coast"]);
     for (flown, effect, value) in [(late, "link_latency", 0.15), (scaled, "gyro_scale", 0.83)] {
         let answer = flown.diagnosed("plant.toml", "out");
         let causes = answer["causes"].as_array().unwrap();
