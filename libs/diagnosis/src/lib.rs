@@ -50,7 +50,7 @@ use examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
-use problem::Problem;
+use problem::{Kept, Problem};
 use search::{Contact, NoCause, Rewired, Searched, Standing};
 use std::collections::BTreeSet;
 use tuning::Tuning;
@@ -117,7 +117,7 @@ fn answer(
     if problem.is_empty() {
         return Ok(nothing_to_say(plant));
     }
-    let nothing = search::without_causes(&problem, None, say)?;
+    let nothing = search::without_causes(&problem, (None, Kept::Nothing), say)?;
     let noise = nothing.hyper.clone();
     let (mut problem, mut nothing) = tuned((problem, nothing), records.0, say)?;
     // A contact is sought alone.
@@ -133,7 +133,8 @@ fn answer(
             let other = Problem::new(plant, records.0, &found)?;
             let is_likelier = standing.is_likelier_in(&other)?;
             if is_likelier {
-                next = Some(other);
+                let gains = other.gains_from(&problem, standing.linearized);
+                next = Some((other, gains));
             } else {
                 refused = found;
             }
@@ -141,8 +142,8 @@ fn answer(
         };
         let from = (start.contact(), among.as_ref());
         let searched = search::search(&problem, nothing, from, &mut is_tuned_otherwise, say)?;
-        let Some(other) = next else { return answer_of(&searched, records, start, say) };
-        nothing = search::without_causes(&other, Some(&noise), say)?;
+        let Some((other, gains)) = next else { return answer_of(&searched, records, start, say) };
+        nothing = search::without_causes(&other, (Some(&noise), gains), say)?;
         (problem, left) = (other, left - 1);
     }
 }
@@ -159,7 +160,8 @@ fn tuned(
             break;
         }
         let other = Problem::new(&problem.plant_file, runs, &found)?;
-        let there = search::without_causes(&other, Some(&nothing.hyper), say)?;
+        let gains = other.gains_from(&problem, &nothing.uncertain);
+        let there = search::without_causes(&other, (Some(&nothing.hyper), gains), say)?;
         if there.log_posterior <= nothing.log_posterior {
             break;
         }

@@ -5,6 +5,8 @@ use crate::uncertain::Uncertain;
 
 /// A gain that moves by less than this share of what is known of it stands still.
 const STANDS_STILL: f64 = 0.5;
+/// Within so many standard deviations a servo's answer changes in proportion to a gain.
+const ALIKE: f64 = 1.0;
 /// No gain is taken to be off by more standard deviations than this.
 const FARTHEST: f64 = 4.0;
 
@@ -23,6 +25,11 @@ impl Tuning {
     /// How far an uncertain value is from the plant file's.
     pub(crate) fn by(&self, value: usize) -> f64 {
         self.0.get(value).copied().unwrap_or(0.0)
+    }
+
+    /// Whether a gain is so much alike in both that what a change of it does is.
+    pub(crate) fn is_like(&self, other: &Self, value: usize) -> bool {
+        (self.by(value) - other.by(value)).abs() <= ALIKE
     }
 
     pub(crate) fn is_near(&self, other: &Self) -> bool {

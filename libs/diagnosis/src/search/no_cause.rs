@@ -9,7 +9,7 @@ use fss_multibody::ModelError;
 /// The runs without any cause.
 pub(crate) struct NoCause {
     /// Columns of the uncertain values.
-    pub(super) uncertain: Linearized,
+    pub(crate) uncertain: Linearized,
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
     /// Posterior means of the uncertain values, in stated standard deviations.
@@ -19,15 +19,15 @@ pub(crate) struct NoCause {
 }
 
 /// The runs without causes. Their hyper-parameters are sought from the priors' medians, or from some that suited a problem much like this
-/// one.
+/// one; of this, columns of gains may be known.
 pub(crate) fn without_causes(
     problem: &Problem,
-    near: Option<&[f64]>,
+    (near, gains): (Option<&[f64]>, Kept),
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<NoCause, ModelError> {
     say("inferring the noise without causes");
     let uncertain =
-        problem.linearized((&[], near.unwrap_or(&medians(problem))), Slope::Secant, &|_, _| false, Kept::Nothing)?;
+        problem.linearized((&[], near.unwrap_or(&medians(problem))), Slope::Secant, &|_, _| false, gains)?;
     let search = Search::new(problem);
     let from = |start: &[f64], reach: Reach| search.optimized(&uncertain, &[], &[], start, reach, |_, _| true);
     let hyper = near.map_or_else(|| from(&medians(problem), Reach::OF_PRIOR), |near| from(near, Reach::NEAR));

@@ -9,7 +9,7 @@ use fss_multibody::ModelError;
 pub(crate) struct Standing<'s> {
     pub(super) search: &'s Search<'s>,
     pub(super) points: &'s [HyperPoint],
-    pub(super) linearized: &'s Linearized,
+    pub(crate) linearized: &'s Linearized,
     pub(super) hyper: &'s [f64],
     pub(super) set: &'s Found,
     pub(super) model: &'s [Present],
@@ -30,6 +30,6 @@ impl Standing<'_> {
         };
         let problem = self.search.problem;
         let own = log_posterior(problem, Kept::All(problem.of_uncertain(self.linearized)))?;
-        Ok(log_posterior(other, Kept::Nothing)? > own)
+        Ok(log_posterior(other, other.gains_from(problem, self.linearized))? > own)
     }
 }
