@@ -3,7 +3,6 @@
 use crate::block::Block;
 use crate::candidates::Candidate;
 use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope, difference, is_same};
-use crate::uncertain::Uncertain;
 use fss_multibody::ModelError;
 use fss_plant::{Plant, Response};
 use rayon::prelude::*;
@@ -27,21 +26,16 @@ impl Problem {
         wanted: &(dyn Fn(usize, &Member) -> bool + Sync),
         kept: Kept,
     ) -> Result<Linearized, ModelError> {
-        let keeps = |uncertain: &Uncertain| match kept {
-            Kept::Nothing | Kept::Causes(_) => false,
-            Kept::Gains(_) => uncertain.is_gain,
-            Kept::All(_) => true,
-        };
-        let keeps: Vec<bool> = self.uncertain.iter().map(keeps).collect();
+        let keeps_uncertain = matches!(kept, Kept::All(_));
         let before = match kept {
             Kept::Nothing => vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()],
-            Kept::Gains(before) | Kept::Causes(before) | Kept::All(before) => before.columns,
+            Kept::Causes(before) | Kept::All(before) => before.columns,
         };
         let columns = self.members.par_iter().zip(before);
         let columns = columns.map(|(m, before)| {
             let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m)).collect();
             m.block.forget(self.hyper_of(m, hyper));
-            self.columns(m.block.as_ref(), (model, slope), (&wanted, &keeps), before)
+            self.columns(m.block.as_ref(), (model, slope), (&wanted, keeps_uncertain), before)
         });
         let mut size = vec![0.0; self.parameters()];
         let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
@@ -56,7 +50,7 @@ impl Problem {
         &self,
         block: &dyn Block,
         (model, slope): (&[Present], Slope),
-        (wanted, keeps): (&[bool], &[bool]),
+        (wanted, keeps_uncertain): (&[bool], bool),
         mut columns: Vec<Vec<f64>>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
         let plant = &self.plant;
@@ -77,7 +71,7 @@ impl Problem {
             }
         }
         for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
-            if !keeps[i] || columns[1 + at].is_empty() {
+            if !keeps_uncertain || columns[1 + at].is_empty() {
                 let moved = value.moved(plant, 1.0);
                 let there = block.predict(&moved, &self.effects_of(&moved, model))?;
                 columns[1 + at] = difference(&there, &base, 1.0);

@@ -133,7 +133,7 @@ fn answer(
             let other = Problem::new(plant, records.0, &found)?;
             let is_likelier = standing.is_likelier_in(&other)?;
             if is_likelier {
-                let gains = other.gains_from(&problem, standing.linearized);
+                let gains = other.known_from(&problem, standing.linearized, |u| u.is_gain);
                 next = Some((other, gains));
             } else {
                 refused = found;
@@ -159,14 +159,20 @@ fn tuned(
         if found.is_near(&problem.tuning) {
             break;
         }
+        say("tuning the servos");
         let other = Problem::new(&problem.plant_file, runs, &found)?;
-        let gains = other.gains_from(&problem, &nothing.uncertain);
-        let there = search::without_causes(&other, (Some(&nothing.hyper), gains), say)?;
+        let known = other.known_from(&problem, &nothing.uncertain, |_| true);
+        let there = search::without_causes_at(&other, &nothing.hyper, known)?;
         if there.log_posterior <= nothing.log_posterior {
             break;
         }
         (problem, nothing) = (other, there);
     }
+    if problem.tuning.is_near(&Tuning::default()) {
+        return Ok((problem, nothing));
+    }
+    let gains = problem.known_from(&problem, &nothing.uncertain, |u| u.is_gain);
+    let nothing = search::without_causes(&problem, (Some(&nothing.hyper), gains), say)?;
     Ok((problem, nothing))
 }
 

@@ -12,11 +12,9 @@ pub(crate) enum Slope {
 /// What of earlier columns stays as it is where it is not asked for anew.
 pub(crate) enum Kept {
     Nothing,
-    /// Columns of gains, where there are any.
-    Gains(Linearized),
     /// Columns of causes.
     Causes(Linearized),
-    /// Those of uncertain values, too: they hardly hang on a small change of the model.
+    /// Those of uncertain values, too, as far as there are any: they hardly hang on a small change of the model.
     All(Linearized),
 }
 

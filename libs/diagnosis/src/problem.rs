@@ -227,25 +227,21 @@ impl Problem {
         Linearized { columns: linearized.columns.iter().map(own).collect(), size: linearized.size.clone() }
     }
 
-    /// Of another problem's columns of the same runs, those of gains that are much alike here and there: each takes a simulation of every
-    /// run.
-    pub(crate) fn gains_from(&self, other: &Self, linearized: &Linearized) -> Kept {
+    /// Columns of uncertain values of another problem of the same runs, of all or of gains alone: those that hold here, too.
+    pub(crate) fn known_from(&self, other: &Self, linearized: &Linearized, is_known: impl Fn(&Uncertain) -> bool) -> Kept {
         let rows = |problem: &Self| -> Vec<_> {
             problem.members.iter().map(|m| (m.run, m.family, m.block.measured().len())).collect()
         };
         if rows(self) != rows(other) || self.parameters() != other.parameters() {
             return Kept::Nothing;
         }
-        let first = 1 + self.uncertain_parameters().start;
-        let holds = |i: usize| {
-            let uncertain = i.checked_sub(first);
-            uncertain.is_some_and(|u| self.uncertain[u].is_gain && self.tuning.is_like(&other.tuning, u))
-        };
-        let of_block = |columns: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
-            columns.iter().enumerate().map(|(i, c)| if holds(i) { c.clone() } else { Vec::new() }).collect()
-        };
-        let columns = linearized.columns.iter().map(of_block).collect();
-        Kept::Gains(Linearized { columns, size: linearized.size.clone() })
+        let Linearized { mut columns, size } = other.of_uncertain(linearized);
+        for (i, p) in self.uncertain_parameters().enumerate() {
+            if !(is_known(&self.uncertain[i]) && self.tuning.is_like(&other.tuning, i)) {
+                columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
+            }
+        }
+        Kept::All(Linearized { columns, size })
     }
 
     pub(crate) fn is_empty(&self) -> bool {

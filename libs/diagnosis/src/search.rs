@@ -29,7 +29,7 @@ mod wiring;
 pub(crate) use contacts::{Contact, contact};
 pub(crate) use course::search;
 pub(crate) use intervals::Estimate;
-pub(crate) use no_cause::{NoCause, without_causes};
+pub(crate) use no_cause::{NoCause, without_causes, without_causes_at};
 pub(crate) use searched::Searched;
 pub(crate) use sets::{SIZES, log_sum};
 pub(crate) use space::Found;

@@ -19,25 +19,40 @@ pub(crate) struct NoCause {
 }
 
 /// The runs without causes. Their hyper-parameters are sought from the priors' medians, or from some that suited a problem much like this
-/// one; of this, columns of gains may be known.
+/// one; of this, columns of uncertain values may be known.
 pub(crate) fn without_causes(
     problem: &Problem,
-    (near, gains): (Option<&[f64]>, Kept),
+    (near, known): (Option<&[f64]>, Kept),
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<NoCause, ModelError> {
     say("inferring the noise without causes");
-    let uncertain =
-        problem.linearized((&[], near.unwrap_or(&medians(problem))), Slope::Secant, &|_, _| false, gains)?;
+    let uncertain = uncertain(problem, near.unwrap_or(&medians(problem)), known)?;
     let search = Search::new(problem);
     let from = |start: &[f64], reach: Reach| search.optimized(&uncertain, &[], &[], start, reach, |_, _| true);
     let hyper = near.map_or_else(|| from(&medians(problem), Reach::OF_PRIOR), |near| from(near, Reach::NEAR));
-    let point = search.point(&uncertain, &hyper, &search.parameters_with(&[]).0, &GramCache::default());
-    let (means, log_posterior) =
-        point.and_then(|p| Some((p.posterior.means().to_vec(), p.log_posterior(&[])?))).map_or_else(
-            || (vec![0.0; problem.uncertain.len()], f64::NEG_INFINITY),
-            |(means, likelihood)| (means, likelihood + search.prior_of_set(&[])),
-        );
-    Ok(NoCause { uncertain, hyper, means, log_posterior })
+    Ok(NoCause::new(&search, uncertain, hyper))
+}
+
+/// The same with hyper-parameters that suited a problem much like this one.
+pub(crate) fn without_causes_at(problem: &Problem, hyper: &[f64], known: Kept) -> Result<NoCause, ModelError> {
+    Ok(NoCause::new(&Search::new(problem), uncertain(problem, hyper, known)?, hyper.to_vec()))
+}
+
+/// Columns of the uncertain values.
+fn uncertain(problem: &Problem, hyper: &[f64], known: Kept) -> Result<Linearized, ModelError> {
+    problem.linearized((&[], hyper), Slope::Secant, &|_, _| false, known)
+}
+
+impl NoCause {
+    fn new(search: &Search, uncertain: Linearized, hyper: Vec<f64>) -> Self {
+        let point = search.point(&uncertain, &hyper, &search.parameters_with(&[]).0, &GramCache::default());
+        let (means, log_posterior) =
+            point.and_then(|p| Some((p.posterior.means().to_vec(), p.log_posterior(&[])?))).map_or_else(
+                || (vec![0.0; search.problem.uncertain.len()], f64::NEG_INFINITY),
+                |(means, likelihood)| (means, likelihood + search.prior_of_set(&[])),
+            );
+        Self { uncertain, hyper, means, log_posterior }
+    }
 }
 
 /// The hyper-parameters' medians, without variation from run to run.
