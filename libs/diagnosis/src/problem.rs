@@ -228,7 +228,12 @@ impl Problem {
     }
 
     /// Columns of uncertain values of another problem of the same runs, of all or of gains alone: those that hold here, too.
-    pub(crate) fn known_from(&self, other: &Self, linearized: &Linearized, is_known: impl Fn(&Uncertain) -> bool) -> Kept {
+    pub(crate) fn known_from(
+        &self,
+        other: &Self,
+        linearized: &Linearized,
+        is_known: impl Fn(&Uncertain) -> bool,
+    ) -> Kept {
         let rows = |problem: &Self| -> Vec<_> {
             problem.members.iter().map(|m| (m.run, m.family, m.block.measured().len())).collect()
         };
