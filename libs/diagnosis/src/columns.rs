@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::candidates::Candidate;
-use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope, difference, is_same};
+use crate::problem::{Linearized, Member, Present, Problem, Slope, difference, is_same};
 use fss_multibody::ModelError;
 use fss_plant::{Plant, Response};
 use rayon::prelude::*;
@@ -17,25 +17,22 @@ const SPRING_STEP: f64 = 0.05;
 const NEAR_STEP: f64 = 0.05;
 
 impl Problem {
-    /// Linearizes every block about a model and hyper-parameters. Candidates that are not `wanted` in a block keep the columns that they
-    /// had, or get none.
+    /// Linearizes every block about a model and hyper-parameters. Candidates that are not `wanted` in a block keep the columns that are
+    /// `known` of them, or get none; so do uncertain values, or get theirs.
     pub(crate) fn linearized(
         &self,
         (model, hyper): (&[Present], &[f64]),
         slope: Slope,
         wanted: &(dyn Fn(usize, &Member) -> bool + Sync),
-        kept: Kept,
+        known: Linearized,
     ) -> Result<Linearized, ModelError> {
-        let keeps_uncertain = matches!(kept, Kept::All(_));
-        let before = match kept {
-            Kept::Nothing => vec![vec![Vec::new(); 1 + self.parameters()]; self.members.len()],
-            Kept::Causes(before) | Kept::All(before) => before.columns,
-        };
-        let columns = self.members.par_iter().zip(before);
-        let columns = columns.map(|(m, before)| {
+        let mut known = known.columns;
+        known.resize_with(self.members.len(), || vec![Vec::new(); 1 + self.parameters()]);
+        let columns = self.members.par_iter().zip(known);
+        let columns = columns.map(|(m, known)| {
             let wanted: Vec<bool> = (0..self.candidates.len()).map(|c| wanted(c, m)).collect();
             m.block.forget(self.hyper_of(m, hyper));
-            self.columns(m.block.as_ref(), (model, slope), (&wanted, keeps_uncertain), before)
+            self.columns(m.block.as_ref(), (model, slope), &wanted, known)
         });
         let mut size = vec![0.0; self.parameters()];
         let continuous = |p: &&Present| self.candidates[p.candidate].prior.response != Response::Discrete;
@@ -50,7 +47,7 @@ impl Problem {
         &self,
         block: &dyn Block,
         (model, slope): (&[Present], Slope),
-        (wanted, keeps_uncertain): (&[bool], bool),
+        wanted: &[bool],
         mut columns: Vec<Vec<f64>>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
         let plant = &self.plant;
@@ -71,7 +68,7 @@ impl Problem {
             }
         }
         for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
-            if !keeps_uncertain || columns[1 + at].is_empty() {
+            if columns[1 + at].is_empty() {
                 let moved = value.moved(plant, 1.0);
                 let there = block.predict(&moved, &self.effects_of(&moved, model))?;
                 columns[1 + at] = difference(&there, &base, 1.0);

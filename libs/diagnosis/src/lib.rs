@@ -50,7 +50,7 @@ use examine::{Examined, examine};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant};
-use problem::{Kept, Problem};
+use problem::{Linearized, Problem};
 use search::{Contact, NoCause, Rewired, Searched, Standing};
 use std::collections::BTreeSet;
 use tuning::Tuning;
@@ -117,7 +117,7 @@ fn answer(
     if problem.is_empty() {
         return Ok(nothing_to_say(plant));
     }
-    let nothing = search::without_causes(&problem, (None, Kept::Nothing), say)?;
+    let nothing = search::without_causes(&problem, (None, Linearized::default()), say)?;
     let noise = nothing.hyper.clone();
     let (mut problem, mut nothing) = tuned((problem, nothing), records.0, say)?;
     // A contact is sought alone.
@@ -167,9 +167,6 @@ fn tuned(
             break;
         }
         (problem, nothing) = (other, there);
-    }
-    if problem.tuning.is_near(&Tuning::default()) {
-        return Ok((problem, nothing));
     }
     let gains = problem.known_from(&problem, &nothing.uncertain, |u| u.is_gain);
     let nothing = search::without_causes(&problem, (Some(&nothing.hyper), gains), say)?;

@@ -1,4 +1,4 @@
-//! Columns of a linearization about a model: what they are of, which are taken anew.
+//! Columns of a linearization about a model.
 
 /// How the columns of a present cause are taken.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -9,16 +9,7 @@ pub(crate) enum Slope {
     Tangent,
 }
 
-/// What of earlier columns stays as it is where it is not asked for anew.
-pub(crate) enum Kept {
-    Nothing,
-    /// Columns of causes.
-    Causes(Linearized),
-    /// Those of uncertain values, too, as far as there are any: they hardly hang on a small change of the model.
-    All(Linearized),
-}
-
-/// Columns of every block about a model: the data, then every parameter.
+/// Columns of every block about a model: the data, then every parameter; an empty one is not known.
 #[derive(Default)]
 pub(crate) struct Linearized {
     pub(crate) columns: Vec<Vec<Vec<f64>>>,

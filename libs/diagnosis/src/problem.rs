@@ -5,7 +5,7 @@ use crate::block::{Block, HyperParameter, VARIATION};
 use crate::candidates::{Candidate, Records, candidates};
 use crate::joint_telemetry::{ranges, rate_variance, rates};
 use crate::joints::joint_block_with;
-pub(crate) use crate::linearized::{Kept, Linearized, Slope, difference};
+pub(crate) use crate::linearized::{Linearized, Slope, difference};
 use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
 use crate::uncertain::{Uncertain, uncertain};
@@ -227,26 +227,38 @@ impl Problem {
         Linearized { columns: linearized.columns.iter().map(own).collect(), size: linearized.size.clone() }
     }
 
-    /// Columns of uncertain values of another problem of the same runs, of all or of gains alone: those that hold here, too.
+    /// Without the columns of uncertain values, which hang on the model; those of gains, each of which takes a simulation of every run, hardly
+    /// do where no drive gives way.
+    pub(crate) fn of_causes(&self, mut linearized: Linearized, keeps_gains: bool) -> Linearized {
+        for (uncertain, p) in self.uncertain.iter().zip(self.uncertain_parameters()) {
+            if !(keeps_gains && uncertain.is_gain) {
+                linearized.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
+            }
+        }
+        linearized
+    }
+
+    /// What is known here from columns of uncertain values, of all or of gains alone, of another problem of the same runs, whose servos are
+    /// tuned otherwise.
     pub(crate) fn known_from(
         &self,
         other: &Self,
         linearized: &Linearized,
         is_known: impl Fn(&Uncertain) -> bool,
-    ) -> Kept {
+    ) -> Linearized {
         let rows = |problem: &Self| -> Vec<_> {
             problem.members.iter().map(|m| (m.run, m.family, m.block.measured().len())).collect()
         };
         if rows(self) != rows(other) || self.parameters() != other.parameters() {
-            return Kept::Nothing;
+            return Linearized::default();
         }
-        let Linearized { mut columns, size } = other.of_uncertain(linearized);
+        let mut known = other.of_uncertain(linearized);
         for (i, p) in self.uncertain_parameters().enumerate() {
             if !(is_known(&self.uncertain[i]) && self.tuning.is_like(&other.tuning, i)) {
-                columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
+                known.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
             }
         }
-        Kept::All(Linearized { columns, size })
+        known
     }
 
     pub(crate) fn is_empty(&self) -> bool {

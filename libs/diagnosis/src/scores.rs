@@ -1,7 +1,7 @@
 //! Predictive scores of the causes: of validation runs, and of each fitted run from the others. They judge, and choose nothing.
 
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Member, Problem, Slope};
+use crate::problem::{Linearized, Member, Problem, Slope};
 use crate::search::Searched;
 use fss_estimation::evidence::{Gram, SpikePosterior};
 use fss_multibody::ModelError;
@@ -40,7 +40,7 @@ pub(crate) fn scores(searched: &Searched, validation: Option<&Problem>) -> Resul
     if let Some(validation) = validation.filter(|v| !v.is_empty()) {
         let wanted = |c: usize, _: &Member| best.causes.contains(&c);
         let linearized: Linearized =
-            validation.linearized((&searched.model, &searched.hyper), Slope::Secant, &wanted, Kept::Nothing)?;
+            validation.linearized((&searched.model, &searched.hyper), Slope::Secant, &wanted, Linearized::default())?;
         let grams = validation
             .grams_of_runs(&linearized, &searched.hyper, &parameters, &GramCache::default())
             .unwrap_or_default();

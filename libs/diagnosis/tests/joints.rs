@@ -7,7 +7,7 @@ use fss_diagnosis::diagnose;
 use fss_diagnosis::diagnosis::Verdict;
 use fss_diagnosis::joints::{JointBlock, joint_block};
 use fss_estimation::Columns;
-use fss_estimation::pattern_search::maximize;
+use fss_estimation::quasi_newton::maximize;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::{Drive, Joints, Many, Run};
 use fss_plant::{Effect, Instruments, JointCommand, Plant, Simulation};
@@ -133,19 +133,17 @@ fn fitted(block: &JointBlock, columns: &Columns, sd: &[f64]) -> Vec<f64> {
     let values = |at: &[f64]| -> Vec<f64> { at.iter().zip(all).map(|(x, p)| (x * unit(p)).exp()).collect() };
     let worth = |at: &[f64]| {
         let h = values(at);
-        if h.iter().zip(all).any(|(v, p)| *v < p.bounds[0] || *v > p.bounds[1]) {
-            return f64::NEG_INFINITY;
-        }
         let prior = h.iter().zip(all).map(|(v, p)| -0.5 * ((v / p.median).ln() / p.log_sd).powi(2)).sum::<f64>();
         posterior(block, columns, sd, &h).0 + prior
     };
     let start: Vec<f64> = all.iter().map(|p| p.median.ln() / unit(p)).collect();
+    let bounds: Vec<[f64; 2]> = all.iter().map(|p| p.bounds.map(|bound| bound.ln() / unit(p))).collect();
     // The time over which torques are correlated has several optima: it is sought from short ones, too.
     let time = all.iter().position(|p| p.name == "correlation of torques, s").unwrap();
     let from = |shorter: f64| {
         let mut from = start.clone();
         from[time] -= shorter;
-        maximize(&from, &vec![1.0; all.len()], 0.1, 300, worth)
+        maximize(&from, &vec![1.0; all.len()], &bounds, 0.03, 300, worth)
     };
     let best = [0.0, 2.0, 4.0].map(from).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
     values(&best.0)

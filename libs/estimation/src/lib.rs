@@ -9,8 +9,8 @@
 mod columns;
 pub mod evidence;
 pub mod least_squares;
-pub mod pattern_search;
 pub mod processes;
+pub mod quasi_newton;
 pub mod smoothing;
 pub mod statistics;
 mod whitening;

@@ -10,7 +10,7 @@ use super::no_cause::medians;
 use super::searched::Searched;
 use super::space::{Found, Search};
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Present, Problem, Slope};
+use crate::problem::{Linearized, Present, Problem, Slope};
 use fss_multibody::ModelError;
 
 /// Sizes that a contact is tried with at least, over the typical one: the smallest, and the widest slab's.
@@ -129,10 +129,10 @@ impl Search<'_> {
     fn with_columns_of(
         &self,
         (model, hyper): (&[Present], &[f64]),
-        kept: Linearized,
+        known: Linearized,
     ) -> Result<Linearized, ModelError> {
         let is_present = |c: usize, _: &_| model.iter().any(|p| p.candidate == c);
-        self.problem.linearized((model, hyper), Slope::Secant, &is_present, Kept::All(kept))
+        self.problem.linearized((model, hyper), Slope::Secant, &is_present, known)
     }
 
     /// The class of its prior in which a cause alone is likeliest, and the logarithm of its marginal likelihood there.

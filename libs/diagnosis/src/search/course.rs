@@ -7,7 +7,7 @@ use super::searched::Searched;
 use super::sets::{SIZES, probabilities};
 use super::space::{Found, HyperPoint, Search};
 use super::standing::Standing;
-use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope, is_same};
+use crate::problem::{Linearized, Member, Present, Problem, Slope, is_same};
 use fss_multibody::ModelError;
 use std::collections::BTreeSet;
 
@@ -110,8 +110,8 @@ impl<'a> Course<'a> {
         let at_first = |c: usize, member: &Member| {
             is_in(c) || among.is_none_or(|among| among.contains(&c)) && problem.at_first(c, member)
         };
-        let kept = if model.is_empty() { Kept::All(uncertain) } else { Kept::Nothing };
-        let linearized = problem.linearized((&model, &hyper), Slope::Secant, &at_first, kept)?;
+        let known = if model.is_empty() { uncertain } else { Linearized::default() };
+        let linearized = problem.linearized((&model, &hyper), Slope::Secant, &at_first, known)?;
         let search = Search::new(problem);
         let null_hyper = hyper.clone();
         let (hyper, log_posterior) = match from {
@@ -157,8 +157,8 @@ impl<'a> Course<'a> {
         search.shortlist(&now.linearized, &now.model, (null_hyper, &now.hyper), &is_open);
         let chosen = &search.chosen;
         let wanted = |c: usize, m: &Member| chosen.contains(&c) && !(is_first && problem.at_first(c, m));
-        let kept = Kept::All(std::mem::take(&mut now.linearized));
-        now.linearized = problem.linearized((&now.model, &now.hyper), Slope::Secant, &wanted, kept)?;
+        let known = std::mem::take(&mut now.linearized);
+        now.linearized = problem.linearized((&now.model, &now.hyper), Slope::Secant, &wanted, known)?;
         self.points = search.points(&now.linearized, null_hyper, &now.hyper);
         Ok(())
     }
@@ -185,9 +185,9 @@ impl<'a> Course<'a> {
             // Another stiffness may keep what this one's column promised.
             let news = best.causes.iter().filter(|c| now.model.iter().all(|p| p.candidate != **c));
             let stiffnesses: Vec<usize> = news.copied().filter(|c| self.is_elastic(*c)).collect();
-            let kept = Kept::All(std::mem::take(&mut self.now.linearized));
+            let known = std::mem::take(&mut self.now.linearized);
             self.now.linearized =
-                search.problem.linearized((&self.now.model, &self.now.hyper), Slope::Secant, &|_, _| false, kept)?;
+                search.problem.linearized((&self.now.model, &self.now.hyper), Slope::Secant, &|_, _| false, known)?;
             self.refuted.extend(stiffnesses);
             self.is_seen = false;
             return Ok(Next::Another);
@@ -219,14 +219,14 @@ impl<'a> Course<'a> {
                 if !self.visited.insert(key(&set)) {
                     continue;
                 }
-                let kept = std::mem::take(&mut self.now.linearized);
-                let about = self.search.about(fewer, &set, &self.now.hyper, kept)?;
+                let known = self.known_about(&fewer);
+                let about = self.search.about(fewer, &set, &self.now.hyper, known)?;
                 if about.log_posterior > self.now.log_posterior {
                     self.take(about, &set)?;
                     (self.again, self.is_seen) = (0, false);
                     return Ok(true);
                 }
-                self.come_back(about.linearized)?;
+                self.come_back(about)?;
             }
         }
         Ok(false)
@@ -243,8 +243,14 @@ impl<'a> Course<'a> {
 
     /// Linearizes about a model of the best set.
     fn linearized(&mut self, model: Vec<Present>, best: &Found) -> Result<About, ModelError> {
-        let start = self.best_hyper(best);
-        self.search.about(model, best, &start, std::mem::take(&mut self.now.linearized))
+        let (start, known) = (self.best_hyper(best), self.known_about(&model));
+        self.search.about(model, best, &start, known)
+    }
+
+    /// Columns that are as good about another model as about the present one.
+    fn known_about(&mut self, model: &[Present]) -> Linearized {
+        let all = std::mem::take(&mut self.now.linearized);
+        self.search.problem.of_causes(all, !self.gives_way(model) && !self.gives_way(&self.now.model))
     }
 
     /// Goes on with the best set, linearized about its model.
@@ -255,7 +261,7 @@ impl<'a> Course<'a> {
             // What a soft drive does is far from proportional: its column promised what the drive itself does not keep.
             self.refuted.extend(news);
             self.visited.remove(&key(best));
-            return self.come_back(next.linearized);
+            return self.come_back(next);
         }
         self.now = next;
         let now = &mut self.now;
@@ -268,12 +274,18 @@ impl<'a> Course<'a> {
     }
 
     /// Linearizes about the present model again, after another one.
-    fn come_back(&mut self, from: Linearized) -> Result<(), ModelError> {
+    fn come_back(&mut self, from: About) -> Result<(), ModelError> {
         let About { model, hyper, .. } = &self.now;
         let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
-        self.now.linearized =
-            self.search.problem.linearized((model, hyper), Slope::Secant, &present, Kept::Causes(from))?;
+        let problem = self.search.problem;
+        let known = problem.of_causes(from.linearized, !self.gives_way(model) && !self.gives_way(&from.model));
+        self.now.linearized = problem.linearized((model, hyper), Slope::Secant, &present, known)?;
         Ok(())
+    }
+
+    /// Whether a drive of a model gives way.
+    fn gives_way(&self, model: &[Present]) -> bool {
+        model.iter().any(|p| self.is_elastic(p.candidate))
     }
 
     fn is_elastic(&self, candidate: usize) -> bool {
@@ -325,10 +337,10 @@ impl Search<'_> {
         }
     }
 
-    /// Linearizes about a model of a set; columns of causes that it does not have stay.
-    fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], kept: Linearized) -> Result<About, ModelError> {
+    /// Linearizes about a model of a set; what is known of columns of causes that it does not have stays.
+    fn about(&self, model: Vec<Present>, set: &Found, start: &[f64], known: Linearized) -> Result<About, ModelError> {
         let present = |c: usize, _: &Member| model.iter().any(|p| p.candidate == c);
-        let linearized = self.problem.linearized((&model, start), Slope::Secant, &present, Kept::Causes(kept))?;
+        let linearized = self.problem.linearized((&model, start), Slope::Secant, &present, known)?;
         let (hyper, log_posterior) = self.optimum(&linearized, set, start);
         Ok(About { model, linearized, hyper, log_posterior })
     }

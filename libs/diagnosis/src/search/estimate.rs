@@ -2,7 +2,7 @@
 
 use super::space::{Found, HyperPoint, Search};
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Present, Slope, is_same};
+use crate::problem::{Linearized, Present, Slope, is_same};
 use fss_estimation::evidence::{SetPosterior, Slab};
 use fss_multibody::ModelError;
 use fss_plant::Response;
@@ -34,8 +34,8 @@ impl ColumnsOfSet<'_> {
         hyper: &[f64],
     ) -> Result<Option<HyperPoint>, ModelError> {
         let problem = self.search.problem;
-        let kept = Kept::All(problem.of_uncertain(&self.uncertain));
-        let linearized = problem.linearized((model, hyper), slope, &|c, _| self.present.contains(&c), kept)?;
+        let known = problem.of_uncertain(&self.uncertain);
+        let linearized = problem.linearized((model, hyper), slope, &|c, _| self.present.contains(&c), known)?;
         Ok(self.search.point(&linearized, hyper, &self.parameters, &GramCache::default()))
     }
 

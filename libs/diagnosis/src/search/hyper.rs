@@ -5,7 +5,7 @@ use crate::block::{HyperParameter, Strength};
 use crate::gram::GramCache;
 use crate::problem::{Linearized, Present};
 use fss_estimation::evidence::SpikePosterior;
-use fss_estimation::pattern_search::maximize;
+use fss_estimation::quasi_newton::maximize;
 use std::collections::BTreeSet;
 
 /// Strengths of the discrepancy that sets are compared at, over the present ones.
@@ -16,9 +16,10 @@ const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
 const FAR: [f64; 3] = [-4.0, 2.5, 5.0];
 /// So many sets have the hyper-parameters that suit them best among those that all are compared at.
 pub(super) const PROMISING: usize = 3;
-/// The last steps of hyper-parameters over the deviations of their priors, and evaluations at the most.
-const FINEST: f64 = 0.1;
-const EVALUATIONS: usize = 300;
+/// A smaller gain, nats, is not sought, nor after so many evaluations; in a first look, where servos are not tuned yet.
+const TOLERANCE: f64 = 0.1;
+const EVALUATIONS: usize = 400;
+const FIRST_TOLERANCE: f64 = 20.0;
 /// Below this variation from run to run the prior is flat.
 const LEAST_VARIATION: f64 = 0.03;
 /// Runs among which a variation can be told.
@@ -31,15 +32,17 @@ pub(super) struct Reach {
     width: f64,
     /// Whether each strength is tried far from where it starts, too: a process that is far too weak to be seen has no slope.
     far: bool,
+    /// Gain that is not sought, nats.
+    tolerance: f64,
 }
 
 impl Reach {
-    /// From the priors' medians.
-    pub(super) const OF_PRIOR: Self = Self { width: 1.0, far: true };
+    /// From the priors' medians, a first look.
+    pub(super) const OF_PRIOR: Self = Self { width: 1.0, far: true, tolerance: FIRST_TOLERANCE };
     /// Of a new model.
-    pub(super) const OF_MODEL: Self = Self { width: 0.5, far: true };
+    pub(super) const OF_MODEL: Self = Self { width: 0.5, far: true, tolerance: TOLERANCE };
     /// From the best of some that were compared, or of a problem much like this one.
-    pub(super) const NEAR: Self = Self { width: 0.5, far: false };
+    pub(super) const NEAR: Self = Self { width: 0.5, far: false, tolerance: TOLERANCE };
 }
 
 impl Search<'_> {
@@ -103,7 +106,7 @@ impl Search<'_> {
         causes: &[usize],
         classes: &[usize],
         start: &[f64],
-        Reach { width, far }: Reach,
+        Reach { width, far, tolerance }: Reach,
         which: impl Fn(usize, &HyperParameter) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
@@ -119,9 +122,6 @@ impl Search<'_> {
         let cache = GramCache::default();
         let value = |logs: &[f64]| {
             let hyper = bounded(logs);
-            if hyper.iter().zip(logs).any(|(h, l)| (h.ln() - l).abs() > 1e-9) {
-                return f64::NEG_INFINITY;
-            }
             let Some(point) = self.point(linearized, &hyper, &parameters, &cache) else { return f64::NEG_INFINITY };
             let Some(slabs) = self.slabs(causes, classes, &position) else { return f64::NEG_INFINITY };
             point.posterior.of_set(&slabs).map_or(f64::NEG_INFINITY, |p| p.log_evidence + point.log_prior)
@@ -149,7 +149,8 @@ impl Search<'_> {
         }
         let start = scaled(&logs, &|log, unit| log / unit);
         let of_scaled = |at: &[f64]| value(&scaled(at, &|at, unit| at * unit));
-        let (best, _) = maximize(&start, &steps, FINEST, EVALUATIONS, of_scaled);
+        let bounds: Vec<[f64; 2]> = all.iter().zip(&units).map(|(h, unit)| h.bounds.map(|b| b.ln() / unit)).collect();
+        let (best, _) = maximize(&start, &steps, &bounds, tolerance, EVALUATIONS, of_scaled);
         bounded(&scaled(&best, &|at, unit| at * unit))
     }
 

@@ -3,7 +3,7 @@
 use super::hyper::Reach;
 use super::space::{Search, VARIATIONS};
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Problem, Slope};
+use crate::problem::{Linearized, Problem, Slope};
 use fss_multibody::ModelError;
 
 /// The runs without any cause.
@@ -22,7 +22,7 @@ pub(crate) struct NoCause {
 /// one; of this, columns of uncertain values may be known.
 pub(crate) fn without_causes(
     problem: &Problem,
-    (near, known): (Option<&[f64]>, Kept),
+    (near, known): (Option<&[f64]>, Linearized),
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<NoCause, ModelError> {
     say("inferring the noise without causes");
@@ -34,12 +34,12 @@ pub(crate) fn without_causes(
 }
 
 /// The same with hyper-parameters that suited a problem much like this one.
-pub(crate) fn without_causes_at(problem: &Problem, hyper: &[f64], known: Kept) -> Result<NoCause, ModelError> {
+pub(crate) fn without_causes_at(problem: &Problem, hyper: &[f64], known: Linearized) -> Result<NoCause, ModelError> {
     Ok(NoCause::new(&Search::new(problem), uncertain(problem, hyper, known)?, hyper.to_vec()))
 }
 
 /// Columns of the uncertain values.
-fn uncertain(problem: &Problem, hyper: &[f64], known: Kept) -> Result<Linearized, ModelError> {
+fn uncertain(problem: &Problem, hyper: &[f64], known: Linearized) -> Result<Linearized, ModelError> {
     problem.linearized((&[], hyper), Slope::Secant, &|_, _| false, known)
 }
 

@@ -1,7 +1,7 @@
 //! Where a search stands still: whether its servos are tuned in another way.
 
 use super::space::{Found, HyperPoint, Search};
-use crate::problem::{Kept, Linearized, Member, Present, Problem, Slope};
+use crate::problem::{Linearized, Member, Present, Problem, Slope};
 use crate::tuning::Tuning;
 use fss_multibody::ModelError;
 
@@ -24,12 +24,12 @@ impl Standing<'_> {
     /// Whether the model is more probable in another problem of the same runs, whose servos are tuned in another way.
     pub(crate) fn is_likelier_in(&self, other: &Problem) -> Result<bool, ModelError> {
         let is_present = |c: usize, _: &Member| self.model.iter().any(|p| p.candidate == c);
-        let log_posterior = |problem: &Problem, kept: Kept| -> Result<f64, ModelError> {
-            let about = problem.linearized((self.model, self.hyper), Slope::Secant, &is_present, kept)?;
+        let log_posterior = |problem: &Problem, known: Linearized| -> Result<f64, ModelError> {
+            let about = problem.linearized((self.model, self.hyper), Slope::Secant, &is_present, known)?;
             Ok(Search::new(problem).log_posterior((&about, self.hyper), self.set))
         };
         let problem = self.search.problem;
-        let own = log_posterior(problem, Kept::All(problem.of_uncertain(self.linearized)))?;
+        let own = log_posterior(problem, problem.of_uncertain(self.linearized))?;
         Ok(log_posterior(other, other.known_from(problem, self.linearized, |u| u.is_gain))? > own)
     }
 }

@@ -19,7 +19,7 @@ use super::space::Search;
 use crate::block::HyperParameter;
 use crate::conclude::ASSERTED;
 use crate::gram::GramCache;
-use crate::problem::{Kept, Linearized, Member, Problem, Slope, difference};
+use crate::problem::{Linearized, Member, Problem, Slope, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
@@ -49,7 +49,7 @@ pub(crate) fn rewired(searched: &Searched) -> Result<Option<Rewired>, ModelError
         return Ok(None);
     }
     let wanted = |c: usize, _: &Member| search.chosen.contains(&c);
-    let nominal = problem.linearized((&[], &searched.hyper), Slope::Secant, &wanted, Kept::Nothing)?;
+    let nominal = problem.linearized((&[], &searched.hyper), Slope::Secant, &wanted, Linearized::default())?;
     let actions = Actions::new(problem, count)?;
     let without = actions.wired(&nominal, &vec![None; count]);
     let starts = [searched.hyper.clone(), searched.points[0].hyper.clone(), medians(problem)];
