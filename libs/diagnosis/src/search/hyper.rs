@@ -16,10 +16,12 @@ const AROUND: [f64; 3] = [0.7, 1.0, 1.4];
 const FAR: [f64; 3] = [-4.0, 2.5, 5.0];
 /// So many sets have the hyper-parameters that suit them best among those that all are compared at.
 pub(super) const PROMISING: usize = 3;
-/// A smaller gain, nats, is not sought, nor after so many evaluations; in a first look, where servos are not tuned yet.
+/// A smaller gain, nats, is not sought: in the end, and in a first look, where servos are not tuned yet.
 const TOLERANCE: f64 = 0.1;
-const EVALUATIONS: usize = 400;
 const FIRST_TOLERANCE: f64 = 20.0;
+/// Evaluations at the most: in the end, and for a set that only promises.
+const EVALUATIONS: usize = 400;
+const FEW_EVALUATIONS: usize = 60;
 /// Below this variation from run to run the prior is flat.
 const LEAST_VARIATION: f64 = 0.03;
 /// Runs among which a variation can be told.
@@ -34,15 +36,19 @@ pub(super) struct Reach {
     far: bool,
     /// Gain that is not sought, nats.
     tolerance: f64,
+    evaluations: usize,
 }
 
 impl Reach {
     /// From the priors' medians, a first look.
-    pub(super) const OF_PRIOR: Self = Self { width: 1.0, far: true, tolerance: FIRST_TOLERANCE };
+    pub(super) const OF_PRIOR: Self =
+        Self { width: 1.0, far: true, tolerance: FIRST_TOLERANCE, evaluations: EVALUATIONS };
     /// Of a new model.
-    pub(super) const OF_MODEL: Self = Self { width: 0.5, far: true, tolerance: TOLERANCE };
+    pub(super) const OF_MODEL: Self = Self { width: 0.5, far: true, tolerance: TOLERANCE, evaluations: EVALUATIONS };
     /// From the best of some that were compared, or of a problem much like this one.
-    pub(super) const NEAR: Self = Self { width: 0.5, far: false, tolerance: TOLERANCE };
+    pub(super) const NEAR: Self = Self { far: false, ..Self::OF_MODEL };
+    /// Of a set that promises to be more probable.
+    pub(super) const OF_PROMISING: Self = Self { evaluations: FEW_EVALUATIONS, ..Self::NEAR };
 }
 
 impl Search<'_> {
@@ -106,7 +112,7 @@ impl Search<'_> {
         causes: &[usize],
         classes: &[usize],
         start: &[f64],
-        Reach { width, far, tolerance }: Reach,
+        Reach { width, far, tolerance, evaluations }: Reach,
         which: impl Fn(usize, &HyperParameter) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
@@ -150,7 +156,7 @@ impl Search<'_> {
         let start = scaled(&logs, &|log, unit| log / unit);
         let of_scaled = |at: &[f64]| value(&scaled(at, &|at, unit| at * unit));
         let bounds: Vec<[f64; 2]> = all.iter().zip(&units).map(|(h, unit)| h.bounds.map(|b| b.ln() / unit)).collect();
-        let (best, _) = maximize(&start, &steps, &bounds, tolerance, EVALUATIONS, of_scaled);
+        let (best, _) = maximize(&start, &steps, &bounds, tolerance, evaluations, of_scaled);
         bounded(&scaled(&best, &|at, unit| at * unit))
     }
 
@@ -235,9 +241,10 @@ impl Search<'_> {
             let start = points[self.judge(points, &set.causes, &set.classes).1].hyper.clone();
             let news = set.causes.iter().filter(|c| model.iter().all(|p| p.candidate != **c));
             let families: BTreeSet<usize> = news.flat_map(|c| self.problem.families(linearized, *c)).collect();
-            let hyper = self.optimized(linearized, &set.causes, &set.classes, &start, Reach::NEAR, |family, h| {
-                h.strength_of.is_some() && families.contains(&family)
-            });
+            let hyper =
+                self.optimized(linearized, &set.causes, &set.classes, &start, Reach::OF_PROMISING, |family, h| {
+                    h.strength_of.is_some() && families.contains(&family)
+                });
             points.extend(self.points_at(linearized, &hyper, &GramCache::default()));
         }
         !promising.is_empty()
