@@ -1,6 +1,8 @@
 //! Estimation: one of each.
 //!
 //! - [`least_squares`]: nonlinear least squares with priors, bounds and robust weights.
+//! - [`quasi_newton`]: the maximum of a smooth function, from its values alone.
+//! - [`evidence`]: marginal likelihoods of linear models with spikes and slabs.
 //! - [`Columns`]: time series side by side.
 //! - [`smoothing`]: a motion between sparse measurements.
 //! - [`Whitener`]: a Kalman filter that whitens them.
