@@ -79,7 +79,9 @@ impl<F: FnMut(&[f64]) -> f64> Ascent<F> {
     /// The value at a place moved by some amounts of some free variables.
     fn at_offset(&mut self, moved: &[(usize, f64)]) -> f64 {
         let mut there = self.at.clone();
-        moved.iter().for_each(|(k, by)| there[self.free[*k]] += by);
+        for (k, by) in moved {
+            there[self.free[*k]] += by;
+        }
         self.used += 1;
         (self.value)(&there)
     }
@@ -148,7 +150,9 @@ impl<F: FnMut(&[f64]) -> f64> Ascent<F> {
             let found = self.at_offset(&moved);
             if found > self.best {
                 self.best = found;
-                moved.iter().for_each(|(k, by)| self.at[self.free[*k]] += by);
+                for (k, by) in moved {
+                    self.at[self.free[k]] += by;
+                }
                 return Some(step);
             }
             step *= SHORTER;
