@@ -133,7 +133,7 @@ fn answer(
             let other = Problem::new(plant, records.0, &found)?;
             let is_likelier = standing.is_likelier_in(&other)?;
             if is_likelier {
-                let gains = other.known_from(&problem, standing.linearized, |u| u.is_gain);
+                let gains = other.of_causes(other.known_from(&problem, standing.linearized), true);
                 next = Some((other, gains));
             } else {
                 refused = found;
@@ -161,14 +161,14 @@ fn tuned(
         }
         say("tuning the servos");
         let other = Problem::new(&problem.plant_file, runs, &found)?;
-        let known = other.known_from(&problem, &nothing.uncertain, |_| true);
+        let known = other.known_from(&problem, &nothing.uncertain);
         let there = search::without_causes_at(&other, &nothing.hyper, known)?;
         if there.log_posterior <= nothing.log_posterior {
             break;
         }
         (problem, nothing) = (other, there);
     }
-    let gains = problem.known_from(&problem, &nothing.uncertain, |u| u.is_gain);
+    let gains = problem.of_causes(nothing.uncertain, true);
     let nothing = search::without_causes(&problem, (Some(&nothing.hyper), gains), say)?;
     Ok((problem, nothing))
 }

@@ -227,8 +227,8 @@ impl Problem {
         Linearized { columns: linearized.columns.iter().map(own).collect(), size: linearized.size.clone() }
     }
 
-    /// Without the columns of uncertain values, which hang on the model; those of gains, each of which takes a simulation of every run, hardly
-    /// do where no drive gives way.
+    /// Without the columns of uncertain values, which hang on the model; those of gains, each of which takes a simulation of every run,
+    /// hardly do where no drive gives way.
     pub(crate) fn of_causes(&self, mut linearized: Linearized, keeps_gains: bool) -> Linearized {
         for (uncertain, p) in self.uncertain.iter().zip(self.uncertain_parameters()) {
             if !(keeps_gains && uncertain.is_gain) {
@@ -238,14 +238,8 @@ impl Problem {
         linearized
     }
 
-    /// What is known here from columns of uncertain values, of all or of gains alone, of another problem of the same runs, whose servos are
-    /// tuned otherwise.
-    pub(crate) fn known_from(
-        &self,
-        other: &Self,
-        linearized: &Linearized,
-        is_known: impl Fn(&Uncertain) -> bool,
-    ) -> Linearized {
+    /// What is known here from the columns of uncertain values of another problem of the same runs, whose servos are tuned otherwise.
+    pub(crate) fn known_from(&self, other: &Self, linearized: &Linearized) -> Linearized {
         let rows = |problem: &Self| -> Vec<_> {
             problem.members.iter().map(|m| (m.run, m.family, m.block.measured().len())).collect()
         };
@@ -254,7 +248,7 @@ impl Problem {
         }
         let mut known = other.of_uncertain(linearized);
         for (i, p) in self.uncertain_parameters().enumerate() {
-            if !(is_known(&self.uncertain[i]) && self.tuning.is_like(&other.tuning, i)) {
+            if !self.tuning.is_like(&other.tuning, i) {
                 known.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
             }
         }

@@ -19,7 +19,8 @@ const SHORTENED: usize = 5;
 /// The maximum that the quasi-Newton method of Broyden, Fletcher, Goldfarb and Shanno reaches from `start` (Nocedal and Wright,
 /// *Numerical Optimization*, 2006, chapter 6). Gradients are differences of values; the curvature is at first that of central differences
 /// by the `widths`, those of variables that stay being 0. Within `bounds`, every value must be finite. Ends where the quadratic model
-/// promises a gain below the `tolerance`, or after so many `evaluations`. Returns the place and the value there.
+/// promises a gain below the `tolerance`, after a step that gained less, or after so many `evaluations`. Returns the place and the value
+/// there.
 pub fn maximize(
     start: &[f64],
     widths: &[f64],
@@ -30,7 +31,9 @@ pub fn maximize(
 ) -> (Vec<f64>, f64) {
     let free: Vec<usize> = (0..start.len()).filter(|i| widths[*i] != 0.0).collect();
     let (bounds, widths): (Vec<[f64; 2]>, Vec<f64>) = free.iter().map(|i| (bounds[*i], widths[*i])).unzip();
-    let mut ascent = Ascent { value, at: start.to_vec(), best: 0.0, free, bounds, used: 0 };
+    let mut at = start.to_vec();
+    free.iter().zip(&bounds).for_each(|(i, [lower, upper])| at[*i] = at[*i].clamp(*lower, *upper));
+    let mut ascent = Ascent { value, at, best: 0.0, free, bounds, used: 0 };
     ascent.best = ascent.at_offset(&[]);
     if ascent.best.is_finite() && !ascent.free.is_empty() {
         ascent.climb(&widths, tolerance, evaluations);

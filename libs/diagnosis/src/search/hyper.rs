@@ -30,7 +30,7 @@ const FEWEST_VARYING: usize = 3;
 /// How far hyper-parameters are sought from where they start.
 #[derive(Clone, Copy)]
 pub(super) struct Reach {
-    /// First steps over the deviations of the priors.
+    /// First differences over the deviations of the priors.
     width: f64,
     /// Whether each strength is tried far from where it starts, too: a process that is far too weak to be seen has no slope.
     far: bool,

@@ -30,6 +30,6 @@ impl Standing<'_> {
         };
         let problem = self.search.problem;
         let own = log_posterior(problem, problem.of_uncertain(self.linearized))?;
-        Ok(log_posterior(other, other.known_from(problem, self.linearized, |u| u.is_gain))? > own)
+        Ok(log_posterior(other, other.of_causes(other.known_from(problem, self.linearized), true))? > own)
     }
 }
