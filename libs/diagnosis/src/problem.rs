@@ -52,6 +52,8 @@ pub(crate) struct Problem {
     pub(crate) family_of: Vec<usize>,
     /// Deviation of each parameter's spike.
     pub(crate) spikes: Vec<f64>,
+    /// The same of causes of the model that everything is linearized about.
+    pub(crate) spikes_about: Vec<f64>,
 }
 
 /// The blocks of all runs. A family has one noise model: what does not share it with the first of its family is left out.
@@ -74,6 +76,25 @@ fn members(plant: &Plant, runs: &[Run]) -> Result<Vec<Member>, ModelError> {
         first.is_some_and(|(_, count)| *count == m.block.hyper_parameters().len())
     });
     Ok(members)
+}
+
+/// How well the plant's uncertain values are known that candidates' parameters set, as standard deviations of these; 0 of parameters that
+/// set none. About a cause that sets a value, what is uncertain of it has no column of its own.
+fn known_to(plant: &Plant, uncertain: &[Uncertain], candidates: &[Candidate]) -> Vec<f64> {
+    let mut out = Vec::new();
+    for candidate in candidates {
+        let nominal = |plant: &Plant| candidate.nominal.clone().nominal(plant).values().to_vec();
+        let here = nominal(plant);
+        let mut variances = vec![0.0; candidate.size];
+        for value in uncertain.iter().filter(|_| candidate.prior.response != Response::Discrete && !candidate.is_law) {
+            let there = nominal(&value.moved(plant, 1.0));
+            for ((variance, there), here) in variances.iter_mut().zip(there).zip(&here) {
+                *variance += (there - here).powi(2);
+            }
+        }
+        out.extend(variances.into_iter().map(f64::sqrt));
+    }
+    out
 }
 
 /// Hyper-parameters of all families, then the variation from run to run; the first of each family; the family of each.
@@ -120,7 +141,11 @@ impl Problem {
                 spikes.push(if discrete { 1e-6 } else { candidate.prior.spike[i] });
             }
         }
-        spikes.extend(uncertain.iter().map(|_| 1.0));
+        let known = known_to(plant, &uncertain, &candidates);
+        let mut spikes_about: Vec<f64> = spikes.iter().zip(known).map(|(spike, known)| spike.hypot(known)).collect();
+        for all in [&mut spikes, &mut spikes_about] {
+            all.extend(uncertain.iter().map(|_| 1.0));
+        }
         let (plant_file, plant, tuning, runs) = (plant.clone(), tuned, tuning.clone(), runs.len());
         Ok(Self {
             plant_file,
@@ -136,6 +161,7 @@ impl Problem {
             family_at,
             family_of,
             spikes,
+            spikes_about,
         })
     }
 
@@ -164,8 +190,8 @@ impl Problem {
     /// have.
     pub(crate) fn of_other_runs(&self, runs: &[Run]) -> Result<Self, ModelError> {
         let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
-        (other.candidates, other.first, other.spikes) =
-            (self.candidates.clone(), self.first.clone(), self.spikes.clone());
+        (other.candidates, other.first) = (self.candidates.clone(), self.first.clone());
+        (other.spikes, other.spikes_about) = (self.spikes.clone(), self.spikes_about.clone());
         let knows = |m: &Member| {
             let family = self.members.iter().find(|own| own.family == m.family);
             family.is_some_and(|own| own.block.hyper_parameters().len() == m.block.hyper_parameters().len())
@@ -247,8 +273,10 @@ impl Problem {
             return Linearized::default();
         }
         let mut known = other.of_uncertain(linearized);
-        for (i, p) in self.uncertain_parameters().enumerate() {
-            if !self.tuning.is_like(&other.tuning, i) {
+        for (own, p) in self.uncertain.iter().zip(self.uncertain_parameters()) {
+            // What one gain of a servo does hangs on its others.
+            let of_joint = (0..self.uncertain.len()).filter(|i| self.uncertain[*i].index == own.index);
+            if !of_joint.into_iter().all(|i| self.tuning.is_like(&other.tuning, i)) {
                 known.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
             }
         }
@@ -262,6 +290,12 @@ impl Problem {
     /// Number of parameters: coordinates of causes and uncertain values.
     pub(crate) fn parameters(&self) -> usize {
         self.spikes.len()
+    }
+
+    /// Deviations of parameters' spikes in a linearization.
+    pub(crate) fn spikes_of(&self, linearized: &Linearized, parameters: &[usize]) -> Vec<f64> {
+        let is_present = |p: usize| linearized.size.get(p).is_some_and(|size| *size != 0.0);
+        parameters.iter().map(|p| if is_present(*p) { self.spikes_about[*p] } else { self.spikes[*p] }).collect()
     }
 
     /// Parameters of a candidate.
@@ -295,4 +329,28 @@ fn span_s(block: &dyn Block) -> f64 {
 /// Whether two are the same cause, whatever its size.
 pub(crate) fn is_same(a: &Effect, b: &Effect) -> bool {
     a.id() == b.id() && a.index() == b.index() && a.channel() == b.channel() && a.id() != fss_plant::effects::UNMODELLED
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn about_a_cause_that_sets_a_value_its_absence_leaves_what_is_uncertain_of_it() {
+        let stated_n_m = 0.013;
+        let mut plant = Plant::default_laboratory().unwrap();
+        plant.uncertainty.get_or_insert_default().coulomb_friction_n_m = stated_n_m;
+        let candidate = |id: &str| {
+            let records =
+                Records { duration_s: 40.0, rates_rad_s: vec![[-1.0, 1.0]; 4], ranges_rad: vec![1.0; 4], swing: false };
+            let mut all = candidates(&plant, &records);
+            all.retain(|c| c.nominal.id() == id && c.nominal.index() == Some(2));
+            all
+        };
+        let known = |id: &str| known_to(&plant, &uncertain(&plant), &candidate(id));
+        assert!((known("joint_coulomb_friction")[0] - stated_n_m).abs() < 1e-12);
+        // A share of whatever the constant is sets none.
+        assert_eq!(known("torque_constant"), [0.0]);
+    }
 }

@@ -74,7 +74,7 @@ fn evidence(searched: &Searched, gram: &Gram, parameters: &[usize], leaving: Opt
     let classes: Vec<usize> = places.iter().map(|p| best.classes[*p]).collect();
     let mut position = vec![None; problem.parameters()];
     parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
-    let spikes: Vec<f64> = parameters.iter().map(|p| problem.spikes[*p]).collect();
+    let spikes = problem.spikes_of(&searched.linearized, parameters);
     let slabs = searched.search.slabs(&causes, &classes, &position)?;
     if gram.products.ncols() != parameters.len() + 1 {
         return None;

@@ -289,6 +289,30 @@ fn biased_by_at_most(share: f64, rates_hz: &[f64]) {
 }
 
 #[test]
+fn however_often_a_rest_is_looked_at_it_says_no_more_of_friction_than_once() {
+    let plant = plant(1.0);
+    let mut run = flown(&plant, &[], 50.0, 1);
+    let all = run.joints.as_mut().unwrap();
+    all.q_rad.iter_mut().chain(&mut all.qd_rad_s).chain(&mut all.current_a).for_each(|values| values.fill(0.0));
+    run.joint_command.as_mut().unwrap().values.iter_mut().for_each(|values| values.fill(0.0));
+    let block = joint_block(&plant, &run).unwrap();
+    let hyper: Vec<f64> = block.hyper_parameters().iter().map(|h| h.median).collect();
+    let log_det = |share: f64| {
+        let friction = |joint: usize| {
+            let own = plant.links[joint - 1].coulomb_friction_n_m;
+            Effect::new("joint_coulomb_friction").unwrap().at(joint).with(&[share * own])
+        };
+        block.forget(&hyper);
+        block.predict(&plant, &[friction(1), friction(2)]).unwrap();
+        block.whiten(&hyper, &mut Columns::of(&[block.measured()]))
+    };
+    // One torque of twice the deviation in each joint.
+    let expected = 2.0 * 4.0_f64.ln();
+    let found = log_det(2.0) - log_det(1.0);
+    assert!((found / expected - 1.0).abs() < 0.1, "{found}, not {expected}");
+}
+
+#[test]
 fn short_broken_and_empty_runs_are_survived() {
     let plant = plant(1.0);
     assert!(joint_block(&plant, &Run::default()).is_none());

@@ -281,7 +281,10 @@ fn one_stiction_a_rest(rows: &[Row], slopes: &mut [Slopes], plant: &Plant, path:
         while from < own.len() {
             let to = (from..own.len()).find(|k| share[*k] < 0.5).unwrap_or(own.len());
             let together: f64 = share[from..to].iter().sum::<f64>().max(1.0);
-            own[from..to].iter().for_each(|k| slopes[*k].unit_friction_variance *= together);
+            for k in &own[from..to] {
+                slopes[*k].unit_friction_variance *= together;
+                slopes[*k].repeats_rest = 1.0 - together.recip();
+            }
             from = to.max(from + 1);
         }
     }

@@ -168,7 +168,19 @@ impl NoiseModel {
             let variance = self.measurement((row, k), (hyper, breakaway_n_m), &places, &mut states);
             filter.measure(&states, variance);
         }
-        filter.log_det()
+        filter.log_det() - self.log_det_of_rests(rows, breakaway_n_m)
+    }
+
+    /// What rows of joints at rest put into the determinant's logarithm beside one row for each rest, over the same of a friction of 1 N m:
+    /// however often a rest is looked at, its friction says no more of how large friction can be.
+    fn log_det_of_rests(&self, rows: &[Row], breakaway_n_m: &[f64]) -> f64 {
+        let of_row = |(row, slopes): (&Row, &Slopes)| {
+            let (Kind::Current(i) | Kind::Undriven(i)) = row.kind else { return 0.0 };
+            let variance = |n_m: f64| row.noise.powi(2) + slopes.unit_friction_variance * n_m.powi(2);
+            let ratio = variance(breakaway_n_m[i]) / variance(1.0);
+            if ratio > 0.0 { slopes.repeats_rest * ratio.ln() } else { 0.0 }
+        };
+        rows.iter().zip(&self.slopes).map(of_row).sum()
     }
 
     fn acceleration_variance(&self, moment: usize, joint: usize, hyper: &Hyper) -> f64 {

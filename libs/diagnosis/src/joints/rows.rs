@@ -53,6 +53,8 @@ pub(super) struct Slopes {
     pub(super) torque: f64,
     /// Variance that a dry friction of 1 N m, of an unknown direction, gives the row.
     pub(super) unit_friction_variance: f64,
+    /// By how much less than a row of its own the row says of the friction of a joint at rest.
+    pub(super) repeats_rest: f64,
     /// And thrust of which it is not known whether it had begun, or a datagram whether it had arrived.
     pub(super) timing_variance: f64,
     /// Of an end-effector's row: shares of x, y and angle in it that make its noise independent of the rows before it, and

@@ -81,7 +81,7 @@ impl Search<'_> {
         cache: &GramCache,
     ) -> Option<HyperPoint> {
         let gram = self.problem.gram(linearized, hyper, parameters, cache)?;
-        let spikes: Vec<f64> = parameters.iter().map(|p| self.problem.spikes[*p]).collect();
+        let spikes = self.problem.spikes_of(linearized.0, parameters);
         let posterior = SpikePosterior::new(&gram, &spikes)?;
         Some(HyperPoint { hyper: hyper.to_vec(), log_prior: self.log_prior_of(hyper), varying: None, posterior })
     }
