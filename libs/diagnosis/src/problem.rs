@@ -78,23 +78,18 @@ fn members(plant: &Plant, runs: &[Run]) -> Result<Vec<Member>, ModelError> {
     Ok(members)
 }
 
-/// How well the plant's uncertain values are known that candidates' parameters set, as standard deviations of these; 0 of parameters that
-/// set none. About a cause that sets a value, what is uncertain of it has no column of its own.
+/// Standard deviations of what candidates' parameters set, by the plant's uncertain values; 0 of parameters that set none of these. About
+/// a cause that sets a value, what is uncertain of it has no column of its own.
 fn known_to(plant: &Plant, uncertain: &[Uncertain], candidates: &[Candidate]) -> Vec<f64> {
-    let mut out = Vec::new();
-    for candidate in candidates {
-        let nominal = |plant: &Plant| candidate.nominal.clone().nominal(plant).values().to_vec();
-        let here = nominal(plant);
-        let mut variances = vec![0.0; candidate.size];
-        for value in uncertain.iter().filter(|_| candidate.prior.response != Response::Discrete && !candidate.is_law) {
-            let there = nominal(&value.moved(plant, 1.0));
-            for ((variance, there), here) in variances.iter_mut().zip(there).zip(&here) {
-                *variance += (there - here).powi(2);
-            }
-        }
-        out.extend(variances.into_iter().map(f64::sqrt));
-    }
-    out
+    let moved: Vec<Plant> = uncertain.iter().map(|value| value.moved(plant, 1.0)).collect();
+    let of_candidate = |candidate: &Candidate| -> Vec<f64> {
+        let nominal = |plant: &Plant, i: usize| candidate.nominal.clone().nominal(plant).values()[i];
+        let sets = |i: usize| candidate.prior.response != Response::Discrete && i < candidate.nominal.values().len();
+        let variance =
+            |i: usize| moved.iter().map(|there| (nominal(there, i) - nominal(plant, i)).powi(2)).sum::<f64>();
+        (0..candidate.size).map(|i| if sets(i) { variance(i).sqrt() } else { 0.0 }).collect()
+    };
+    candidates.iter().flat_map(of_candidate).collect()
 }
 
 /// Hyper-parameters of all families, then the variation from run to run; the first of each family; the family of each.
@@ -274,9 +269,9 @@ impl Problem {
         }
         let mut known = other.of_uncertain(linearized);
         for (own, p) in self.uncertain.iter().zip(self.uncertain_parameters()) {
-            // What one gain of a servo does hangs on its others.
-            let of_joint = (0..self.uncertain.len()).filter(|i| self.uncertain[*i].index == own.index);
-            if !of_joint.into_iter().all(|i| self.tuning.is_like(&other.tuning, i)) {
+            // What a gain of a servo, or the friction that it works against, does hangs on all of its gains.
+            let mut of_joint = (0..self.uncertain.len()).filter(|i| self.uncertain[*i].index == own.index);
+            if !of_joint.all(|i| self.tuning.is_like(&other.tuning, i)) {
                 known.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
             }
         }
