@@ -33,7 +33,7 @@ use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Friction, Physics, Plant, Pulse, ValveHistory};
+use fss_plant::{Effect, Physics, Plant, Pulse, ValveHistory};
 use joint_motion::JointMotion;
 use noise_model::NoiseModel;
 use prediction::Predictor;
@@ -64,9 +64,9 @@ pub struct BaseBlock {
     driven_otherwise: Mutex<DrivenOtherwise>,
 }
 
-/// What the rows change by on other drives than those that everything is linearized about: these, the others, the joints' friction, the
-/// sensors' ages, the rows. It hardly hangs on what else acts.
-type DrivenOtherwise = Vec<(([Vec<Drive>; 2], Vec<Friction>, Ages), Option<Arc<Vec<f64>>>)>;
+/// What the rows change by on other drives than those that everything is linearized about: these, the others, the sensors' ages, the rows.
+/// It hardly hangs on what else acts.
+type DrivenOtherwise = Vec<(([Vec<Drive>; 2], Ages), Option<Arc<Vec<f64>>>)>;
 
 /// About what everything is linearized.
 #[derive(Clone)]
@@ -102,7 +102,7 @@ impl About {
         let (path, carriage) = (predictor.path(&physics), predictor.carriage(&physics)?);
         let beside = JointMotion::new(&physics, grid, &path, &carriage)?;
         let noise = Arc::new(NoiseModel::new(plant, run, samples, &predictor, &beside)?);
-        Ok(Self { drives: drives(plant, &physics), beside, predictor, rows: Memo::new(), noise })
+        Ok(Self { drives: drives(&physics), beside, predictor, rows: Memo::new(), noise })
     }
 
     /// What the rows change by where links swing on their motors, and where these move otherwise than on this plant's drives, by the part
@@ -128,19 +128,18 @@ impl About {
             };
             (unseen.is_some() || swings.is_some()).then(|| Arc::new(self.beside.rows(samples, ages, at)))
         };
-        let drives = [self.drives.clone(), drives(plant, physics)];
+        let drives = [self.drives.clone(), drives(physics)];
         if drives[0] == drives[1] {
             return Ok(rows(None, &nominal.swings));
         }
-        let friction: Vec<Friction> = physics.joints.iter().map(|joint| joint.friction).collect();
         let kept = || driven_otherwise.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = kept().iter().find(|(of, _)| of.0 == drives && of.1 == friction && of.2 == ages) {
+        if let Some((_, known)) = kept().iter().find(|(of, _)| of.0 == drives && of.1 == ages) {
             return Ok(known.clone());
         }
         let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
         let there = answers.response(&plant, commands, &encoders.grid.edges_s())?;
         let rows = rows(Some(there.beside(nominal)), &there.swings);
-        kept().push(((drives, friction, ages), rows.clone()));
+        kept().push(((drives, ages), rows.clone()));
         Ok(rows)
     }
 }

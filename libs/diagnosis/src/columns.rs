@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::candidates::Candidate;
-use crate::problem::{Linearized, Member, Present, Problem, Slope, difference, is_same};
+use crate::problem::{Linearized, Member, Present, Problem, SetValue, Slope, difference, is_same};
 use fss_multibody::ModelError;
 use fss_plant::{Plant, Response};
 use rayon::prelude::*;
@@ -53,20 +53,6 @@ impl Problem {
         let plant = &self.plant;
         let base = block.predict(plant, &self.effects(model))?;
         let mut data: Vec<f64> = block.measured().iter().zip(&base).map(|(y, p)| y - p).collect();
-        for candidate in 0..self.candidates.len() {
-            if !wanted[candidate] {
-                continue;
-            }
-            let present = model.iter().find(|p| p.candidate == candidate);
-            let own = self.candidate_columns(block, (plant, model), slope, candidate, &base)?;
-            for (i, column) in own.into_iter().enumerate() {
-                let theta = present.map_or(0.0, |p| p.coordinates[i]);
-                if theta != 0.0 {
-                    data.iter_mut().zip(&column).for_each(|(d, c)| *d += theta * c);
-                }
-                columns[1 + self.first[candidate] + i] = column;
-            }
-        }
         for (i, (value, at)) in self.uncertain.iter().zip(self.uncertain_parameters()).enumerate() {
             if columns[1 + at].is_empty() {
                 let moved = value.moved(plant, 1.0);
@@ -78,8 +64,40 @@ impl Problem {
                 data.iter_mut().zip(&columns[1 + at]).for_each(|(d, c)| *d += now * c);
             }
         }
+        for candidate in 0..self.candidates.len() {
+            if !wanted[candidate] {
+                continue;
+            }
+            let present = model.iter().find(|p| p.candidate == candidate);
+            let own = match self.as_uncertain(candidate, model, &columns) {
+                Some(own) => own,
+                None => self.candidate_columns(block, (plant, model), slope, candidate, &base)?,
+            };
+            for (i, column) in own.into_iter().enumerate() {
+                let theta = present.map_or(0.0, |p| p.coordinates[i]);
+                if theta != 0.0 {
+                    data.iter_mut().zip(&column).for_each(|(d, c)| *d += theta * c);
+                }
+                columns[1 + self.first[candidate] + i] = column;
+            }
+        }
         columns[0] = data;
         Ok(columns)
+    }
+
+    /// The columns of a candidate all of whose coordinates set uncertain values: these values' own. What one direction does is linearized
+    /// once, or the difference of two would tell a cause from what is uncertain.
+    fn as_uncertain(&self, candidate: usize, model: &[Present], columns: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+        let own = &self.candidates[candidate].nominal;
+        if model.iter().any(|p| is_same(&self.candidates[p.candidate].nominal, own)) {
+            return None;
+        }
+        let column = |p: usize| {
+            let SetValue { uncertain, deviation } = self.sets[p]?;
+            let own = &columns[1 + self.uncertain_parameters().start + uncertain];
+            Some(own.iter().map(|v| v / deviation).collect())
+        };
+        self.parameters_of(candidate).map(column).collect()
     }
 
     /// A column for each coordinate of a candidate: secants through zero where the model has it, probes where not, and of a contact

@@ -11,7 +11,7 @@ use crate::tuning::Tuning;
 use crate::uncertain::{Uncertain, uncertain};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Plant, Response};
+use fss_plant::{Effect, Physics, Plant, Response};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -54,6 +54,8 @@ pub(crate) struct Problem {
     pub(crate) spikes: Vec<f64>,
     /// The same of causes of the model that everything is linearized about.
     pub(crate) spikes_about: Vec<f64>,
+    /// The uncertain value that each parameter of a candidate sets.
+    pub(crate) sets: Vec<Option<SetValue>>,
 }
 
 /// The blocks of all runs. A family has one noise model: what does not share it with the first of its family is left out.
@@ -78,16 +80,34 @@ fn members(plant: &Plant, runs: &[Run]) -> Result<Vec<Member>, ModelError> {
     Ok(members)
 }
 
-/// Standard deviations of what candidates' parameters set, by the plant's uncertain values; 0 of parameters that set none of these. About
-/// a cause that sets a value, what is uncertain of it has no column of its own.
-fn known_to(plant: &Plant, uncertain: &[Uncertain], candidates: &[Candidate]) -> Vec<f64> {
-    let moved: Vec<Plant> = uncertain.iter().map(|value| value.moved(plant, 1.0)).collect();
-    let of_candidate = |candidate: &Candidate| -> Vec<f64> {
-        let nominal = |plant: &Plant, i: usize| candidate.nominal.clone().nominal(plant).values()[i];
-        let sets = |i: usize| candidate.prior.response != Response::Discrete && i < candidate.nominal.values().len();
-        let variance =
-            |i: usize| moved.iter().map(|there| (nominal(there, i) - nominal(plant, i)).powi(2)).sum::<f64>();
-        (0..candidate.size).map(|i| if sets(i) { variance(i).sqrt() } else { 0.0 }).collect()
+/// An uncertain value that a cause's parameter sets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SetValue {
+    /// Which uncertain value.
+    pub(crate) uncertain: usize,
+    /// By how much a standard deviation of it moves the parameter.
+    pub(crate) deviation: f64,
+}
+
+/// The uncertain value that each parameter of the candidates sets, where it sets one: beside such a cause, the value does nothing.
+fn set_values(plant: &Plant, uncertain: &[Uncertain], candidates: &[Candidate]) -> Vec<Option<SetValue>> {
+    let as_is = |plant: &Plant| Physics::with(plant, &plant.effects);
+    let moved = uncertain.iter().map(|value| value.moved(plant, 1.0)).enumerate();
+    let moved: Vec<(usize, Plant)> = moved.filter(|(_, there)| as_is(there) != as_is(plant)).collect();
+    let set_by = |candidate: &Candidate, i: usize| {
+        let nominal = |plant: &Plant| candidate.nominal.clone().nominal(plant);
+        let here = nominal(plant);
+        let beside = |plant: &Plant| Physics::with(plant, std::slice::from_ref(&here));
+        let deviation = |there: &Plant| nominal(there).values().get(i).zip(here.values().get(i)).map(|(a, b)| a - b);
+        let set = |(uncertain, there): &(usize, Plant)| {
+            let deviation = deviation(there).filter(|deviation| *deviation != 0.0)?;
+            (beside(there) == beside(plant)).then_some(SetValue { uncertain: *uncertain, deviation })
+        };
+        moved.iter().find_map(set)
+    };
+    let of_candidate = |candidate: &Candidate| -> Vec<Option<SetValue>> {
+        let continuous = candidate.prior.response != Response::Discrete;
+        (0..candidate.size).map(|i| if continuous { set_by(candidate, i) } else { None }).collect()
     };
     candidates.iter().flat_map(of_candidate).collect()
 }
@@ -136,8 +156,10 @@ impl Problem {
                 spikes.push(if discrete { 1e-6 } else { candidate.prior.spike[i] });
             }
         }
-        let known = known_to(plant, &uncertain, &candidates);
-        let mut spikes_about: Vec<f64> = spikes.iter().zip(known).map(|(spike, known)| spike.hypot(known)).collect();
+        let sets = set_values(plant, &uncertain, &candidates);
+        // About a cause that sets an uncertain value, this has no column of its own.
+        let about = |(spike, sets): (&f64, &Option<SetValue>)| spike.hypot(sets.map_or(0.0, |value| value.deviation));
+        let mut spikes_about: Vec<f64> = spikes.iter().zip(&sets).map(about).collect();
         for all in [&mut spikes, &mut spikes_about] {
             all.extend(uncertain.iter().map(|_| 1.0));
         }
@@ -157,6 +179,7 @@ impl Problem {
             family_of,
             spikes,
             spikes_about,
+            sets,
         })
     }
 
@@ -187,6 +210,7 @@ impl Problem {
         let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
         (other.candidates, other.first) = (self.candidates.clone(), self.first.clone());
         (other.spikes, other.spikes_about) = (self.spikes.clone(), self.spikes_about.clone());
+        other.sets.clone_from(&self.sets);
         let knows = |m: &Member| {
             let family = self.members.iter().find(|own| own.family == m.family);
             family.is_some_and(|own| own.block.hyper_parameters().len() == m.block.hyper_parameters().len())
@@ -269,7 +293,7 @@ impl Problem {
         }
         let mut known = other.of_uncertain(linearized);
         for (own, p) in self.uncertain.iter().zip(self.uncertain_parameters()) {
-            // What a gain of a servo, or the friction that it works against, does hangs on all of its gains.
+            // What one gain of a servo does hangs on its others.
             let mut of_joint = (0..self.uncertain.len()).filter(|i| self.uncertain[*i].index == own.index);
             if !of_joint.all(|i| self.tuning.is_like(&other.tuning, i)) {
                 known.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
@@ -332,20 +356,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn about_a_cause_that_sets_a_value_its_absence_leaves_what_is_uncertain_of_it() {
-        let stated_n_m = 0.013;
+    fn a_cause_sets_the_uncertain_value_that_does_nothing_beside_it() {
         let mut plant = Plant::default_laboratory().unwrap();
-        plant.uncertainty.get_or_insert_default().coulomb_friction_n_m = stated_n_m;
-        let candidate = |id: &str| {
+        plant.uncertainty.get_or_insert_default().coulomb_friction_n_m = 0.013;
+        plant.effects.push(Effect::new("joint_coulomb_friction").unwrap().at(3).with(&[0.2]));
+        let uncertain = uncertain(&plant);
+        let sets = |id: &str, index: Option<usize>| {
             let records =
                 Records { duration_s: 40.0, rates_rad_s: vec![[-1.0, 1.0]; 4], ranges_rad: vec![1.0; 4], swing: false };
             let mut all = candidates(&plant, &records);
-            all.retain(|c| c.nominal.id() == id && c.nominal.index() == Some(2));
-            all
+            all.retain(|c| c.nominal.id() == id && c.nominal.index() == index);
+            let value = set_values(&plant, &uncertain, &all)[0]?;
+            Some((uncertain[value.uncertain].name.clone(), value.deviation))
         };
-        let known = |id: &str| known_to(&plant, &uncertain(&plant), &candidate(id));
-        assert!((known("joint_coulomb_friction")[0] - stated_n_m).abs() < 1e-12);
-        // A share of whatever the constant is sets none.
-        assert_eq!(known("torque_constant"), [0.0]);
+        let (name, deviation_n_m) = sets("joint_coulomb_friction", Some(2)).unwrap();
+        assert_eq!(name, "link 2 coulomb_friction_N_m");
+        assert!((deviation_n_m - 0.013).abs() < 1e-12);
+        assert_eq!(sets("joint_coulomb_friction", Some(3)), None, "an effect of the plant file has set it");
+        // A share of whatever the constant is sets none, and one valve's time leaves the others'.
+        assert_eq!(sets("torque_constant", Some(2)), None);
+        assert_eq!(sets("thruster_rise_time", Some(2)), None);
+        assert_eq!(sets("thruster_rise_time", None).unwrap().0, "valves rise_s");
     }
 }

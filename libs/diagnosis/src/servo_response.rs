@@ -10,7 +10,7 @@ use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Link, Physics, Place, Plant, Servo, Simulation};
+use fss_plant::{Effect, Physics, Place, Plant, Servo, Simulation};
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub(crate) use swing::{Elasticity, Swing, elasticity};
@@ -21,24 +21,17 @@ pub(crate) const ARRIVAL_SD_S: f64 = 1.7e-3;
 /// Angle, rad, rate and acceleration at each node of a path.
 pub(crate) type Nodes = Vec<[f64; 3]>;
 
-/// What a joint is driven by, its driver and its gear, and the friction that these work against.
+/// What a joint is driven by: its driver and its gear.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Drive {
     servo: Servo,
     pub(crate) elasticity: Elasticity,
-    /// Dry friction without effects, N m. Viscous friction changes a servo's answer a hundred times less.
-    dry_friction_n_m: f64,
 }
 
-/// The drive of each joint of a plant, with its effects' physics.
-pub(crate) fn drives(plant: &Plant, physics: &Physics) -> Vec<Drive> {
-    let all = physics.servos.iter().zip(elasticity(physics)).zip(&plant.links);
-    let drive = |((servo, elasticity), link): ((&Servo, Elasticity), &Link)| Drive {
-        servo: servo.clone(),
-        elasticity,
-        dry_friction_n_m: link.coulomb_friction_n_m,
-    };
-    all.map(drive).collect()
+/// The drive of each joint.
+pub(crate) fn drives(physics: &Physics) -> Vec<Drive> {
+    let pairs = physics.servos.iter().zip(elasticity(physics));
+    pairs.map(|(servo, elasticity)| Drive { servo: servo.clone(), elasticity }).collect()
 }
 
 /// The joints' motion in answer to datagrams.
