@@ -186,3 +186,66 @@ fn secants(own: &Candidate, now: &[f64], base: &[f64], predict: &Predict) -> Res
     }
     Ok(columns)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::block::HyperParameter;
+    use crate::tuning::Tuning;
+    use fss_estimation::Columns;
+    use fss_plant::{Effect, Physics};
+
+    /// Reads the square of the second joint's dry friction.
+    struct Squared;
+
+    impl Block for Squared {
+        fn measured(&self) -> &[f64] {
+            &[0.0]
+        }
+
+        fn predict(&self, plant: &Plant, effects: &[Effect]) -> Result<Vec<f64>, ModelError> {
+            Ok(vec![Physics::with(plant, effects).joints[1].friction.coulomb_n_m.powi(2)])
+        }
+
+        fn hyper_parameters(&self) -> &[HyperParameter] {
+            &[]
+        }
+
+        fn whiten(&self, _: &[f64], _: &mut Columns) -> f64 {
+            0.0
+        }
+
+        fn channel_of_row(&self) -> &[usize] {
+            &[0]
+        }
+
+        fn channels(&self) -> &[String] {
+            &[]
+        }
+
+        fn time_of_row(&self) -> &[f64] {
+            &[0.0]
+        }
+
+        fn noise_of_row(&self) -> &[f64] {
+            &[1.0]
+        }
+    }
+
+    #[test]
+    fn an_absent_cause_and_the_uncertain_value_that_it_sets_have_one_column() {
+        let mut plant = Plant::default_laboratory().unwrap();
+        plant.uncertainty.get_or_insert_default().coulomb_friction_n_m = 0.01;
+        let friction_n_m = plant.links[1].coulomb_friction_n_m;
+        let problem = Problem::new(&plant, &[], &Tuning::default()).unwrap();
+        let is_friction = |nominal: &Effect| nominal.id() == "joint_coulomb_friction" && nominal.index() == Some(2);
+        let wanted: Vec<bool> = problem.candidates.iter().map(|c| is_friction(&c.nominal)).collect();
+        let candidate = wanted.iter().position(|wanted| *wanted).unwrap();
+        let none = vec![Vec::new(); 1 + problem.parameters()];
+        let columns = problem.columns(&Squared, (&[], Slope::Secant), &wanted, none).unwrap();
+        let own = columns[1 + problem.first[candidate]][0];
+        // About the stated deviation, not about the cause's own size: f + (f + 0.01).
+        assert!((own - (2.0 * friction_n_m + 0.01)).abs() < 1e-9, "{own}");
+    }
+}

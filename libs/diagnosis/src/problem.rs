@@ -209,8 +209,8 @@ impl Problem {
     pub(crate) fn of_other_runs(&self, runs: &[Run]) -> Result<Self, ModelError> {
         let mut other = Self::new(&self.plant_file, runs, &self.tuning)?;
         (other.candidates, other.first) = (self.candidates.clone(), self.first.clone());
-        (other.spikes, other.spikes_about) = (self.spikes.clone(), self.spikes_about.clone());
-        other.sets.clone_from(&self.sets);
+        (other.spikes, other.spikes_about, other.sets) =
+            (self.spikes.clone(), self.spikes_about.clone(), self.sets.clone());
         let knows = |m: &Member| {
             let family = self.members.iter().find(|own| own.family == m.family);
             family.is_some_and(|own| own.block.hyper_parameters().len() == m.block.hyper_parameters().len())
