@@ -196,6 +196,9 @@ fn deviations(problem: &Problem, (set, place): (&Found, usize), estimate: &Estim
             }
         }
     }
+    // What adds to a cause and acts just as it does leaves it no better known.
+    let adds = problem.uncertain.iter().filter(|value| value.adds_to(&own.nominal));
+    adds.for_each(|value| std[0] = std[0].hypot(value.sd));
     std
 }
 
@@ -218,4 +221,36 @@ fn inclusion(problem: &Problem, searched: &Searched) -> Vec<(Effect, f64)> {
     }
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
     all
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::tuning::Tuning;
+    use fss_estimation::evidence::SetPosterior;
+    use fss_plant::Plant;
+    use nalgebra::DMatrix;
+
+    #[test]
+    fn a_clock_of_links_is_known_no_better_than_what_their_stamps_lack_and_a_friction_as_well_as_it_is_estimated() {
+        let mut plant = Plant::default_laboratory().unwrap();
+        let uncertainty = plant.uncertainty.get_or_insert_default();
+        (uncertainty.link_stamp_s, uncertainty.coulomb_friction_n_m) = (4e-4, 0.01);
+        let problem = Problem::new(&plant, &[], &Tuning::default()).unwrap();
+        let deviation = |is_meant: &dyn Fn(&Effect) -> bool| {
+            let candidate = problem.candidates.iter().position(|c| is_meant(&c.nominal)).unwrap();
+            let set = Found { causes: vec![candidate], classes: vec![0], log_likelihood: 0.0, log_posterior: 0.0 };
+            let size = problem.candidates[candidate].size;
+            let covariance = DMatrix::identity(size, size) * 3e-4_f64.powi(2);
+            let coordinates = SetPosterior { log_evidence: 0.0, mean: vec![0.02; size], covariance };
+            let estimate = Estimate { coordinates, shapes: vec![0.0] };
+            let present = Present { candidate, coordinates: vec![0.02; size] };
+            deviations(&problem, (&set, 0), &estimate, &present)[0]
+        };
+        let of_clock = deviation(&|e| e.id() == "clock_offset" && e.channel() == Some("joints"));
+        assert!((of_clock - 5e-4).abs() < 1e-12, "{of_clock}");
+        let of_friction = deviation(&|e| e.id() == "joint_coulomb_friction" && e.index() == Some(2));
+        assert!((of_friction - 3e-4).abs() < 1e-12, "{of_friction}");
+    }
 }

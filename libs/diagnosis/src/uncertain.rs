@@ -86,6 +86,11 @@ impl Uncertain {
         plant
     }
 
+    /// Whether it adds to this cause, which acts just as it does: links' stamps are late beside a clock that is wrong.
+    pub(crate) fn adds_to(&self, cause: &Effect) -> bool {
+        matches!(self.value, Value::LinkStamps) && are_link_stamps(cause)
+    }
+
     fn is_positive(&self) -> bool {
         !(self.name.contains("joint1") || self.name.contains("offset"))
     }
