@@ -126,7 +126,7 @@ fn answer(
     loop {
         let mut next = None;
         let mut is_tuned_otherwise = |standing: &Standing| -> Result<bool, ModelError> {
-            let found = standing.tuning();
+            let found = standing.tuning()?;
             if left == 0 || found.is_near(&problem.tuning) || found.is_near(&refused) {
                 return Ok(false);
             }
@@ -148,14 +148,14 @@ fn answer(
     }
 }
 
-/// The runs without causes, with the gains that suit them best.
+/// The runs without causes, with the gains and frictions that suit them best.
 fn tuned(
     (mut problem, mut nothing): (Problem, NoCause),
     runs: &[Run],
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<(Problem, NoCause), ModelError> {
     for _ in 0..RETUNED {
-        let found = Tuning::of(&problem.uncertain, &nothing.means);
+        let found = nothing.tuning(&problem)?;
         if found.is_near(&problem.tuning) {
             break;
         }

@@ -8,7 +8,7 @@ use crate::joints::joint_block_with;
 pub(crate) use crate::linearized::{Linearized, Slope, difference};
 use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
-use crate::uncertain::{Uncertain, uncertain};
+use crate::uncertain::{OfServo, Uncertain, uncertain};
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
 use fss_plant::{Effect, Physics, Plant, Response};
@@ -130,7 +130,13 @@ fn hyper_parameters(members: &[Member]) -> (Vec<HyperParameter>, Vec<usize>, Vec
 impl Problem {
     /// Of runs of a plant, whose servos are tuned otherwise than its file says.
     pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
-        let uncertain = uncertain(plant);
+        let mut uncertain = uncertain(plant);
+        let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
+        if !swing {
+            for value in &mut uncertain {
+                value.of_servo = None;
+            }
+        }
         let values = uncertain.iter().enumerate();
         let tuned = values.fold(plant.clone(), |plant, (i, value)| match tuning.by(i) {
             0.0 => plant,
@@ -138,7 +144,6 @@ impl Problem {
         });
         let members = members(&tuned, runs)?;
         let duration_s = members.iter().map(|m| span_s(m.block.as_ref())).fold(1.0, f64::max);
-        let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
         let (rates_rad_s, ranges_rad) = (rates(plant, runs), ranges(plant, runs));
         let candidates = candidates(plant, &Records { duration_s, rates_rad_s, ranges_rad, swing });
         // Each stiffness takes a simulation of every run: the run in which its joint moves most tells most.
@@ -224,6 +229,11 @@ impl Problem {
     /// The same of the one run that tells most of a candidate, with columns of this one's blocks; of all runs where none does.
     pub(crate) fn where_seen(&self, candidate: usize, of_all: Linearized) -> (Self, Linearized) {
         let serves = |member: &Member| self.seen_in[candidate].is_none_or(|run| run == member.run);
+        self.of_blocks(serves, of_all)
+    }
+
+    /// The same of some blocks, with these blocks' columns.
+    pub(crate) fn of_blocks(&self, serves: impl Fn(&Member) -> bool, of_all: Linearized) -> (Self, Linearized) {
         let own = self.members.iter().cloned().zip(of_all.columns).filter(|(member, _)| serves(member));
         let (members, columns) = own.unzip();
         (Self { members, ..self.clone() }, Linearized { columns, ..of_all })
@@ -276,7 +286,7 @@ impl Problem {
     /// hardly do where no drive gives way.
     pub(crate) fn of_causes(&self, mut linearized: Linearized, keeps_gains: bool) -> Linearized {
         for (uncertain, p) in self.uncertain.iter().zip(self.uncertain_parameters()) {
-            if !(keeps_gains && uncertain.is_gain) {
+            if !(keeps_gains && uncertain.of_servo == Some(OfServo::Gain)) {
                 linearized.columns.iter_mut().for_each(|of_block| of_block[1 + p].clear());
             }
         }

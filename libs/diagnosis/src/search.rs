@@ -17,6 +17,7 @@ mod contacts;
 mod course;
 mod estimate;
 mod hyper;
+mod in_joints;
 mod intervals;
 mod no_cause;
 mod searched;

@@ -20,9 +20,29 @@ pub struct Uncertain {
     pub sd: f64,
     /// Which link or thruster, from 0.
     pub index: usize,
-    /// Whether it is a gain of a servo.
-    pub is_gain: bool,
+    /// What it is of a servo that follows datagrams; `None` of all other values.
+    pub of_servo: Option<OfServo>,
     value: Value,
+}
+
+/// What a servo's answer to its datagrams hangs on, far from linearly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OfServo {
+    /// A gain.
+    Gain,
+    /// The dry friction that it works against.
+    DryFriction,
+}
+
+impl OfServo {
+    fn of(value: &Uncertain, plant: &Plant) -> Option<Self> {
+        let there = value.moved(plant, 1.0);
+        let (own, moved) = (plant.links.get(value.index)?, there.links.get(value.index)?);
+        if there.servo(value.index) != plant.servo(value.index) {
+            return Some(Self::Gain);
+        }
+        (moved.coulomb_friction_n_m != own.coulomb_friction_n_m).then_some(Self::DryFriction)
+    }
 }
 
 /// A field of a plant, of the link or thruster of an index.
@@ -101,19 +121,22 @@ impl Uncertain {
 pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
     let mut all = stated(plant);
     if plant.uncertainty.is_some() && !plant.base.clamped {
-        (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all, true)));
+        (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all)));
         if plant.thrusters.iter().any(|thruster| !thruster.is_proportional()) {
-            valve_times(&plant.valves, &mut add_to(&mut all, false));
+            valve_times(&plant.valves, &mut add_to(&mut all));
+        }
+        for value in &mut all {
+            value.of_servo = OfServo::of(value, plant);
         }
     }
     all
 }
 
 /// Adds a value in one field, where it is uncertain at all.
-fn add_to(all: &mut Vec<Uncertain>, is_gain: bool) -> impl FnMut(String, f64, usize, Field) {
+fn add_to(all: &mut Vec<Uncertain>) -> impl FnMut(String, f64, usize, Field) {
     move |name, sd, index, value| {
         if sd > 0.0 {
-            all.push(Uncertain { name, sd, index, is_gain, value: Value::Field(value) });
+            all.push(Uncertain { name, sd, index, of_servo: None, value: Value::Field(value) });
         }
     }
 }
@@ -122,7 +145,7 @@ fn add_to(all: &mut Vec<Uncertain>, is_gain: bool) -> impl FnMut(String, f64, us
 pub fn stated(plant: &Plant) -> Vec<Uncertain> {
     let Some(u) = &plant.uncertainty else { return Vec::new() };
     let mut all = Vec::new();
-    let mut add = add_to(&mut all, false);
+    let mut add = add_to(&mut all);
     if !plant.base.clamped {
         add("base mass_kg".into(), u.base_mass_kg, 0, |p, _| &mut p.base.mass_kg);
         add("base inertia_kg_m2".into(), u.base_inertia_kg_m2, 0, |p, _| &mut p.base.inertia_kg_m2);
@@ -136,7 +159,7 @@ pub fn stated(plant: &Plant) -> Vec<Uncertain> {
         links(u, i, &mut add);
     }
     drop(add);
-    let other = |name: String, sd, index, value| Uncertain { name, sd, index, is_gain: false, value };
+    let other = |name: String, sd, index, value| Uncertain { name, sd, index, of_servo: None, value };
     if u.link_stamp_s > 0.0 && !plant.links.is_empty() {
         all.push(other("link stamps_s".into(), u.link_stamp_s, 0, Value::LinkStamps));
     }

@@ -4,6 +4,7 @@ use super::hyper::Reach;
 use super::space::{Search, VARIATIONS};
 use crate::gram::GramCache;
 use crate::problem::{Linearized, Problem, Slope};
+use crate::tuning::Tuning;
 use fss_multibody::ModelError;
 
 /// The runs without any cause.
@@ -13,7 +14,7 @@ pub(crate) struct NoCause {
     /// Hyper-parameters that suit it best.
     pub(crate) hyper: Vec<f64>,
     /// Posterior means of the uncertain values, in stated standard deviations.
-    pub(crate) means: Vec<f64>,
+    means: Vec<f64>,
     /// Logarithm of its marginal likelihood and prior.
     pub(crate) log_posterior: f64,
 }
@@ -52,6 +53,12 @@ impl NoCause {
                 |(means, likelihood)| (means, likelihood + search.prior_of_set(&[])),
             );
         Self { uncertain, hyper, means, log_posterior }
+    }
+
+    /// What the answers of the problem's servos hang on, without causes.
+    pub(crate) fn tuning(&self, problem: &Problem) -> Result<Tuning, ModelError> {
+        let in_joints = Search::new(problem).values_in_joints((&self.uncertain, &self.hyper), &[])?;
+        Ok(Tuning::of(&problem.uncertain, &self.means, &in_joints))
     }
 }
 

@@ -16,9 +16,10 @@ pub(crate) struct Standing<'s> {
 }
 
 impl Standing<'_> {
-    /// The servos' gains with this set.
-    pub(crate) fn tuning(&self) -> Tuning {
-        Tuning::of(&self.search.problem.uncertain, &self.search.values(self.points, self.set))
+    /// What servos' answers hang on, with this set.
+    pub(crate) fn tuning(&self) -> Result<Tuning, ModelError> {
+        let in_joints = self.search.values_in_joints((self.linearized, self.hyper), self.model)?;
+        Ok(Tuning::of(&self.search.problem.uncertain, &self.search.values(self.points, self.set), &in_joints))
     }
 
     /// Whether the model is more probable in another problem of the same runs, whose servos are tuned in another way.
