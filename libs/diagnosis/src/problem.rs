@@ -130,13 +130,8 @@ fn hyper_parameters(members: &[Member]) -> (Vec<HyperParameter>, Vec<usize>, Vec
 impl Problem {
     /// Of runs of a plant, whose servos are tuned otherwise than its file says.
     pub(crate) fn new(plant: &Plant, runs: &[Run], tuning: &Tuning) -> Result<Self, ModelError> {
-        let mut uncertain = uncertain(plant);
         let swing = runs.iter().any(|run| datagrams(plant, run).is_some());
-        if !swing {
-            for value in &mut uncertain {
-                value.of_servo = None;
-            }
-        }
+        let uncertain = uncertain(plant, swing);
         let values = uncertain.iter().enumerate();
         let tuned = values.fold(plant.clone(), |plant, (i, value)| match tuning.by(i) {
             0.0 => plant,
@@ -370,7 +365,7 @@ mod tests {
         let mut plant = Plant::default_laboratory().unwrap();
         plant.uncertainty.get_or_insert_default().coulomb_friction_n_m = 0.013;
         plant.effects.push(Effect::new("joint_coulomb_friction").unwrap().at(3).with(&[0.2]));
-        let uncertain = uncertain(&plant);
+        let uncertain = uncertain(&plant, false);
         let sets = |id: &str, index: Option<usize>| {
             let records =
                 Records { duration_s: 40.0, rates_rad_s: vec![[-1.0, 1.0]; 4], ranges_rad: vec![1.0; 4], swing: false };

@@ -57,7 +57,7 @@ mod tests {
         let mut plant = Plant::default_laboratory().unwrap();
         let stated = plant.uncertainty.get_or_insert_default();
         (stated.base_mass_kg, stated.coulomb_friction_n_m) = (0.1, 0.01);
-        let values = uncertain(&plant);
+        let values = uncertain(&plant, true);
         let tuning = Tuning::of(&values, &vec![1.5; values.len()], &vec![-7.0; values.len()]);
         for (i, value) in values.iter().enumerate() {
             let expected = match value.of_servo {

@@ -117,16 +117,18 @@ impl Uncertain {
 }
 
 /// Every uncertain value of a plant: those that its file states, and where it states any, what no file states of a floating vehicle:
-/// the gains of its arm's servos and the times of its valves.
-pub(crate) fn uncertain(plant: &Plant) -> Vec<Uncertain> {
+/// the gains of its arm's servos and the times of its valves. Where the arm follows datagrams, it is told what servos' answers hang on.
+pub(crate) fn uncertain(plant: &Plant, follows_datagrams: bool) -> Vec<Uncertain> {
     let mut all = stated(plant);
     if plant.uncertainty.is_some() && !plant.base.clamped {
         (0..plant.links.len()).for_each(|i| gains(plant.servo(i), i, &mut add_to(&mut all)));
         if plant.thrusters.iter().any(|thruster| !thruster.is_proportional()) {
             valve_times(&plant.valves, &mut add_to(&mut all));
         }
-        for value in &mut all {
-            value.of_servo = OfServo::of(value, plant);
+        if follows_datagrams {
+            for value in &mut all {
+                value.of_servo = OfServo::of(value, plant);
+            }
         }
     }
     all
