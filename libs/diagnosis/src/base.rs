@@ -14,6 +14,7 @@
 //! of its momentum and centre of mass. Sensors show deviations as they show the motion: late, and by their scale.
 
 mod arrivals;
+mod assembled;
 mod carriage;
 mod hyper;
 mod joint_motion;

@@ -19,6 +19,8 @@ const UNEXPECTED: f64 = 3.0;
 /// What is asserted and what is not.
 pub(crate) struct Concluded {
     pub(crate) verdict: Verdict,
+    /// What is of another size in each run.
+    pub(crate) remarks: Vec<String>,
     pub(crate) causes: Vec<Cause>,
     pub(crate) suspects: Vec<Cause>,
     pub(crate) laws: Vec<Effect>,
@@ -35,13 +37,16 @@ impl Concluded {
     }
 }
 
-pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) -> Concluded {
+pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores, constancies: &[f64]) -> Concluded {
     let best = &searched.sets[0].0;
     let (mut causes, mut suspects, mut laws): (Vec<(f64, Cause)>, _, _) = (Vec::new(), Vec::new(), Vec::new());
+    let mut remarks = Vec::new();
     for (place, candidate) in best.causes.iter().enumerate() {
         let Some(estimate) = &searched.estimate else { continue };
         let class = class_of(searched, best, *candidate);
-        let class_probability = probability_of_any(searched, &class);
+        let is_one = constancies.get(place).copied().unwrap_or(1.0);
+        let of_any = probability_of_any(searched, &class);
+        let class_probability = is_one * of_any;
         let own = &problem.candidates[*candidate];
         let Some(present) = searched.model.iter().find(|p| p.candidate == *candidate) else { continue };
         let effects = own.at(&present.coordinates);
@@ -52,10 +57,13 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
             continue;
         }
         let Some(effect) = effects.into_iter().next() else { continue };
+        if (1.0 - is_one) * of_any >= ASSERTED {
+            remarks.push(format!("{effect} would explain most, but of another size in each run: it is no cause"));
+        }
         let cause = Cause {
             effect,
             std: deviations(problem, (best, place), estimate, present),
-            probability: probability_of_any(searched, &equivalent(searched, *candidate)),
+            probability: is_one * probability_of_any(searched, &equivalent(searched, *candidate)),
             class_probability,
             alternatives: alternatives(problem, searched, &class, *candidate, &present.coordinates),
             validation_nats: scores.validation.get(place).copied(),
@@ -68,7 +76,8 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
     causes.sort_by(|a, b| a.0.total_cmp(&b.0));
     let causes: Vec<Cause> = causes.into_iter().map(|(_, cause)| cause).collect();
     let discrepancy = discrepancies(problem, searched);
-    let remains = !laws.is_empty() || discrepancy.iter().any(|d| d.inferred > UNEXPECTED * d.expected);
+    let remains =
+        !laws.is_empty() || !remarks.is_empty() || discrepancy.iter().any(|d| d.inferred > UNEXPECTED * d.expected);
     let verdict = match (causes.is_empty(), remains) {
         (true, false) => Verdict::Consistent,
         (false, false) => Verdict::Explained,
@@ -78,6 +87,7 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores) 
     let none = searched.sets.iter().find(|(set, _)| set.causes.is_empty()).map_or(0.0, |(_, p)| *p);
     Concluded {
         verdict,
+        remarks,
         causes,
         suspects,
         laws,

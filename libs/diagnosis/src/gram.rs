@@ -100,6 +100,25 @@ fn variation(size: &[f64], hyper: &[f64], parameters: &[usize]) -> Option<Vec<f6
     Some(parameters.iter().map(|p| share * size[*p]).collect())
 }
 
+/// The Gram matrix of all runs where some parameters, from 0, have a value of their own in each. Of the first run they stay where they
+/// are; those of the others follow behind all, run by run.
+pub(crate) fn of_own_sizes(runs: &[Gram], own: &[usize]) -> Option<Gram> {
+    let n = runs.first()?.products.ncols();
+    let place = |run: usize, column: usize| match own.iter().position(|p| p + 1 == column) {
+        Some(i) if run > 0 => n + (run - 1) * own.len() + i,
+        _ => column,
+    };
+    let all = n + (runs.len() - 1) * own.len();
+    let mut sum = Gram { products: DMatrix::zeros(all, all), log_det: 0.0 };
+    for (run, gram) in runs.iter().enumerate() {
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            sum.products[(place(run, i), place(run, j))] += gram.products[(i, j)];
+        }
+        sum.log_det += gram.log_det;
+    }
+    Some(sum)
+}
+
 /// What is kept of a linearization and a choice of parameters: each block's columns, and its Gram matrices that were asked for
 /// last, by its own hyper-parameters: those of one family do not move the others'.
 #[derive(Default)]
@@ -215,6 +234,7 @@ fn integrated_out(mut gram: Gram, mut own: DMatrix<f64>, mut across: DMatrix<f64
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use fss_estimation::evidence::SpikePosterior;
 
     /// Runs of one number each, of unit noise, that a parameter adds to: data in the first row.
     fn runs(data: &[f64]) -> Vec<Gram> {
@@ -235,5 +255,19 @@ mod tests {
         let (mean_square, scatter) = (3.0 * 16.0, 2.0);
         assert!((varying.products[(0, 0)] - (mean_square + scatter / 5.0)).abs() < 1e-12);
         assert!((varying.log_det - 2.0 * 5.0_f64.ln()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn runs_with_sizes_of_their_own_are_as_likely_as_each_alone() {
+        let data = [3.0, -1.0, 0.5];
+        let evidence = |gram: &Gram| {
+            let parameters = gram.products.ncols() - 1;
+            SpikePosterior::new(gram, &vec![2.0; parameters]).unwrap().log_evidence
+        };
+        let alone: f64 = runs(&data).iter().map(evidence).sum();
+        let together = of_own_sizes(&runs(&data), &[0]).unwrap();
+        assert!((evidence(&together) - alone).abs() < 1e-12);
+        let one = of_own_sizes(&runs(&data), &[]).unwrap();
+        assert!((one.products[(0, 1)] - 2.5).abs() < 1e-12 && one.products.ncols() == 2);
     }
 }

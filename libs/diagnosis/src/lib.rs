@@ -11,7 +11,7 @@
 //!   worth searching with.
 //! - `gram`: products of the whitened columns.
 //! - `search`: marginal likelihoods of sets of causes, and of wirings of the thrusters.
-//! - `conclude`: what is asserted; `scores`: what other runs say of it; `misfit`: errors over noise.
+//! - `conclude`: what is asserted; `constancy`: whether it is of one size in all runs; `scores`: what other runs say of it; `misfit`: errors over noise.
 //! - `pulses`: single pulses that a thruster did not deliver.
 //! - [`diagnosis`]: the answer.
 //! - `draw`: causes drawn from the prior, to test all of this with.
@@ -22,6 +22,7 @@ pub mod block;
 mod candidates;
 mod columns;
 mod conclude;
+mod constancy;
 pub mod diagnosis;
 mod draw;
 pub mod examine;
@@ -118,7 +119,7 @@ fn answer(
         return Ok(nothing_to_say(plant));
     }
     let nothing = search::without_causes(&problem, (None, Linearized::default()), say)?;
-    let noise = nothing.hyper.clone();
+    let noise = nothing.noise.clone();
     let (mut problem, mut nothing) = tuned((problem, nothing), records.0, say)?;
     // A contact is sought alone.
     let among = start.contact().map(|contact| BTreeSet::from([contact.candidate()]));
@@ -162,14 +163,14 @@ fn tuned(
         say("tuning the servos");
         let other = Problem::new(&problem.plant_file, runs, &found)?;
         let known = other.known_from(&problem, &nothing.uncertain);
-        let there = search::without_causes_at(&other, &nothing.hyper, known)?;
+        let there = search::without_causes_at(&other, &nothing.noise, known)?;
         if there.log_posterior <= nothing.log_posterior {
             break;
         }
         (problem, nothing) = (other, there);
     }
     let gains = problem.of_causes(nothing.uncertain, true);
-    let nothing = search::without_causes(&problem, (Some(&nothing.hyper), gains), say)?;
+    let nothing = search::without_causes(&problem, (Some(&nothing.noise), gains), say)?;
     Ok((problem, nothing))
 }
 
@@ -187,10 +188,10 @@ fn answer_of(
     let judged_on = problem.of_other_runs(validation)?;
     say("measuring the gain");
     let scores = scores::scores(searched, Some(&judged_on))?;
-    let mut concluded = conclude::conclude(problem, searched, &scores);
+    let mut concluded = conclude::conclude(problem, searched, &scores, &constancy::constancies(searched));
     let misfits = |plant: &Plant| Misfits::new((problem, runs), (&judged_on, validation), plant, &searched.hyper);
     let before = misfits(&problem.settled(&searched.points[0].posterior.means()[searched.uncertain_at()..]))?;
-    let mut remarks = Vec::new();
+    let mut remarks = std::mem::take(&mut concluded.remarks);
     if concluded.verdict.leaves_something() {
         let is_first = matches!(start, Start::PlantFile);
         say("asking for another wiring, or for contacts");

@@ -80,6 +80,19 @@ fn a_thruster_weaker_than_its_thrust_is_uncertain_is_named_and_one_within_is_not
     assert_eq!((found.verdict, found.causes.len()), (Verdict::Consistent, 0), "{:?}", found.causes);
 }
 
+/// One thruster that lacks a share of its thrust lacks it in every flight.
+#[test]
+fn a_thruster_that_is_weak_in_one_flight_and_strong_in_another_is_no_weak_thruster() {
+    let runs: Vec<_> = [0.5, -0.1, 0.3]
+        .iter()
+        .enumerate()
+        .map(|(k, lacks)| flights(Truth { lacks: *lacks, ..Truth::default() }).swap_remove(k))
+        .collect();
+    let found = diagnose(&plant(), &runs, &[], &|_| ()).unwrap();
+    assert_eq!((found.verdict, found.causes.len()), (Verdict::Unexplained, 0), "{:?}", found.causes);
+    assert!(found.remarks.iter().any(|r| r.contains("another size in each run")), "{:?}", found.remarks);
+}
+
 #[test]
 fn waves_of_the_table_that_no_effect_describes_are_called_unexplained() {
     let found = diagnose(&plant(), &flights(Truth { waves_n: 0.02, ..Truth::default() }), &[], &|_| ()).unwrap();

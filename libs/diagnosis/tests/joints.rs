@@ -7,7 +7,7 @@ use fss_diagnosis::diagnose;
 use fss_diagnosis::diagnosis::Verdict;
 use fss_diagnosis::joints::{JointBlock, joint_block};
 use fss_estimation::Columns;
-use fss_estimation::quasi_newton::maximize;
+use fss_estimation::quasi_newton::{Effort, maximize};
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::{Drive, Joints, Many, Run};
 use fss_plant::{Effect, Instruments, JointCommand, Plant, Simulation};
@@ -143,10 +143,10 @@ fn fitted(block: &JointBlock, columns: &Columns, sd: &[f64]) -> Vec<f64> {
     let from = |shorter: f64| {
         let mut from = start.clone();
         from[time] -= shorter;
-        maximize(&from, &vec![1.0; all.len()], &bounds, 0.03, 300, worth)
+        maximize(&from, &vec![1.0; all.len()], &bounds, Effort { tolerance: 0.03, evaluations: 300 }, None, worth)
     };
-    let best = [0.0, 2.0, 4.0].map(from).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-    values(&best.0)
+    let best = [0.0, 2.0, 4.0].map(from).into_iter().max_by(|a, b| a.value.total_cmp(&b.value)).unwrap();
+    values(&best.at)
 }
 
 /// What is left of the measured rows and the slopes by the parameters, all about `x`.

@@ -16,29 +16,57 @@ const AT_BOUND: f64 = 1e-6;
 const SHORTER: f64 = 0.35;
 const SHORTENED: usize = 5;
 
+/// A maximum that was climbed to.
+#[derive(Clone, Debug)]
+pub struct Maximum {
+    /// Where it is.
+    pub at: Vec<f64>,
+    /// The value there.
+    pub value: f64,
+    /// Curvature about it as the way there met it, the negative of the second derivatives: a good one to begin a search nearby with. Of
+    /// variables that stayed it is what was known before, or 0.
+    pub curvature: DMatrix<f64>,
+}
+
+/// How a maximum is sought.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// A gain below this is not sought.
+    pub tolerance: f64,
+    /// Evaluations at the most, but for those of a gradient that was begun.
+    pub evaluations: usize,
+}
+
 /// The maximum that the quasi-Newton method of Broyden, Fletcher, Goldfarb and Shanno reaches from `start` (Nocedal and Wright,
-/// *Numerical Optimization*, 2006, chapter 6). Gradients are differences of values; the curvature is at first that of central differences
-/// by the `widths`, those of variables that stay being 0. Within `bounds`, every value must be finite. Ends where the quadratic model
-/// promises a gain below the `tolerance`, after a step that gained less, or after so many `evaluations`. Returns the place and the value
-/// there.
+/// *Numerical Optimization*, 2006, chapter 6). Gradients are differences of values; the curvature is at first one that is `known` of all
+/// variables, where the diagonal is larger than 0 for each that moves, or else that of central differences by the `widths`, those of
+/// variables that stay being 0. Within `bounds`, every value must be finite. Ends where the quadratic model promises a gain below the
+/// tolerance, after a step that gained less, or after so many evaluations.
 pub fn maximize(
     start: &[f64],
     widths: &[f64],
     bounds: &[[f64; 2]],
-    tolerance: f64,
-    evaluations: usize,
+    effort: Effort,
+    known: Option<&DMatrix<f64>>,
     value: impl FnMut(&[f64]) -> f64,
-) -> (Vec<f64>, f64) {
+) -> Maximum {
     let free: Vec<usize> = (0..start.len()).filter(|i| widths[*i] != 0.0).collect();
     let (bounds, widths): (Vec<[f64; 2]>, Vec<f64>) = free.iter().map(|i| (bounds[*i], widths[*i])).unzip();
     let mut at = start.to_vec();
     free.iter().zip(&bounds).for_each(|(i, [lower, upper])| at[*i] = at[*i].clamp(*lower, *upper));
     let mut ascent = Ascent { value, at, best: 0.0, free, bounds, used: 0 };
     ascent.best = ascent.at_offset(&[]);
+    let n = start.len();
+    let mut curvature = known.filter(|c| c.nrows() == n).cloned().unwrap_or_else(|| DMatrix::zeros(n, n));
     if ascent.best.is_finite() && !ascent.free.is_empty() {
-        ascent.climb(&widths, tolerance, evaluations);
+        let own = DMatrix::from_fn(widths.len(), widths.len(), |i, j| curvature[(ascent.free[i], ascent.free[j])]);
+        let known = (0..widths.len()).all(|k| own[(k, k)] > 0.0).then_some(own);
+        let found = ascent.climb(&widths, effort, known);
+        for (i, j) in (0..widths.len()).flat_map(|i| (0..widths.len()).map(move |j| (i, j))) {
+            curvature[(ascent.free[i], ascent.free[j])] = found[(i, j)];
+        }
     }
-    (ascent.at, ascent.best)
+    Maximum { at: ascent.at, value: ascent.best, curvature }
 }
 
 struct Ascent<F> {
@@ -52,9 +80,18 @@ struct Ascent<F> {
 }
 
 impl<F: FnMut(&[f64]) -> f64> Ascent<F> {
-    fn climb(&mut self, widths: &[f64], tolerance: f64, evaluations: usize) {
-        let (mut gradient, mut curvature) = self.central(widths);
-        let mut is_fresh = true;
+    /// Returns the curvature in the end.
+    fn climb(
+        &mut self,
+        widths: &[f64],
+        Effort { tolerance, evaluations }: Effort,
+        known: Option<DMatrix<f64>>,
+    ) -> DMatrix<f64> {
+        let mut is_fresh = known.is_none();
+        let (mut gradient, mut curvature) = match known {
+            Some(known) => (self.forward(&known), known),
+            None => self.central(widths),
+        };
         while self.used < evaluations {
             let Some((step, promised)) = self.step(&gradient, &curvature) else { break };
             if promised < tolerance {
@@ -77,6 +114,7 @@ impl<F: FnMut(&[f64]) -> f64> Ascent<F> {
             update(&mut curvature, &step, &(&gradient - &there));
             (gradient, is_fresh) = (there, false);
         }
+        curvature
     }
 
     /// The value at a place moved by some amounts of some free variables.
@@ -186,7 +224,8 @@ mod tests {
     #[test]
     fn a_tilted_paraboloid_is_climbed() {
         let f = |x: &[f64]| -((x[0] - 2.0).powi(2) + 3.0 * (x[1] + 1.0).powi(2) + (x[0] - 2.0) * (x[1] + 1.0));
-        let (at, best) = maximize(&[0.0, 0.0], &[0.5, 0.5], &[[-9.0, 9.0]; 2], 1e-4, 1000, f);
+        let effort = Effort { tolerance: 1e-4, evaluations: 1000 };
+        let Maximum { at, value: best, .. } = maximize(&[0.0, 0.0], &[0.5, 0.5], &[[-9.0, 9.0]; 2], effort, None, f);
         assert!((at[0] - 2.0).abs() < 2e-2 && (at[1] + 1.0).abs() < 2e-2 && best > -1e-3, "{at:?}");
     }
 
@@ -199,18 +238,30 @@ mod tests {
         };
         let mut used = 0;
         let start = [0.0, 2.0, -1.0, 1.0, 7.0];
-        let (at, best) = maximize(&start, &[0.5, 0.5, 0.5, 0.5, 0.0], &[[-9.0, 9.0]; 5], 0.02, 300, |x| {
-            used += 1;
-            f(x)
-        });
-        assert!(best > -1.1 && used < 100, "{best} at {at:?} after {used}");
+        let effort = Effort { tolerance: 0.02, evaluations: 300 };
+        let mut climb = |start: &[f64], known: Option<&DMatrix<f64>>| {
+            used = 0;
+            let widths = [0.5, 0.5, 0.5, 0.5, 0.0];
+            let found = maximize(start, &widths, &[[-9.0, 9.0]; 5], effort, known, |x| {
+                used += 1;
+                f(x)
+            });
+            (found, used)
+        };
+        let (Maximum { at, value, curvature }, used) = climb(&start, None);
+        assert!(value > -1.1 && used < 100, "{value} at {at:?} after {used}");
         assert!((at[4] - 7.0).abs() < 1e-12, "without a width it stays");
+        // With the curvature that was met, another search nearby takes a part of them.
+        let nearby = [at[0] + 0.02, at[1] - 0.1, at[2] + 0.2, at[3] + 0.3, at[4]];
+        let (again, used_again) = climb(&nearby, Some(&curvature));
+        assert!(again.value > -1.1 && 2 * used_again < used, "{} after {used_again}, {used} before", again.value);
     }
 
     #[test]
     fn a_maximum_at_a_bound_is_reached() {
         let f = |x: &[f64]| x[0] - (x[1] - x[0]).powi(2);
-        let (at, _) = maximize(&[0.0, 0.0], &[0.5, 0.5], &[[-1.0, 0.4], [-1.0, 2.0]], 1e-4, 100, f);
+        let effort = Effort { tolerance: 1e-4, evaluations: 100 };
+        let at = maximize(&[0.0, 0.0], &[0.5, 0.5], &[[-1.0, 0.4], [-1.0, 2.0]], effort, None, f).at;
         assert!((at[0] - 0.4).abs() < 1e-6 && (at[1] - 0.4).abs() < 0.03, "{at:?}");
     }
 }

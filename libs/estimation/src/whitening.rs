@@ -25,18 +25,6 @@ impl Step {
         self.transition.clear();
         self.noise.clear();
     }
-
-    /// Takes over matrices n x n, row-major.
-    pub fn set_dense(&mut self, n: usize, transition: &[f64], noise: &[f64]) {
-        for (to, from) in [(&mut self.transition, transition), (&mut self.noise, noise)] {
-            to.clear();
-            for (i, row) in from.chunks_exact(n).enumerate() {
-                for (j, value) in row.iter().enumerate().filter(|(_, value)| **value != 0.0) {
-                    to.push((i, j, *value));
-                }
-            }
-        }
-    }
 }
 
 /// The filter, on its way through the rows of the columns that it whitens in place.
@@ -97,6 +85,14 @@ mod tests {
         variance: f64,
     }
 
+    /// The elements of matrices n x n, row-major, that are not 0.
+    fn step(n: usize, transition: &[f64], noise: &[f64]) -> Step {
+        let elements = |matrix: &[f64]| -> Vec<(usize, usize, f64)> {
+            matrix.iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(k, v)| (k / n, k % n, *v)).collect()
+        };
+        Step { transition: elements(transition), noise: elements(noise) }
+    }
+
     /// Covariance of all measurements, assembled from the definition.
     fn dense(model: &StateSpace) -> DMatrix<f64> {
         let n = model.states;
@@ -152,13 +148,12 @@ mod tests {
         };
         let steps: Vec<Step> = (0..5)
             .map(|k| {
-                let (mut step, mut transition) = (Step::default(), any(0.8));
+                let mut transition = any(0.8);
                 // In some steps a state only decays.
                 if k % 2 == 1 {
                     (transition[3], transition[5]) = (0.0, 0.0);
                 }
-                step.set_dense(n, &transition, &squared(any(0.5)));
-                step
+                step(n, &transition, &squared(any(0.5)))
             })
             .collect();
         let initial = squared(any(2.0));

@@ -1,6 +1,7 @@
 //! What disturbs the base's motion and what its sensors add, as a state-space model.
 
 use super::arrivals::Arrivals;
+use super::assembled::Assembled;
 use super::carriage::joints_only;
 use super::hyper::{Hyper, hyper_parameters};
 use super::joint_motion::JointMotion;
@@ -11,7 +12,7 @@ use super::thrust_errors::ThrustErrors;
 use crate::block::HyperParameter;
 use crate::servo_response::{arrival_time, datagrams};
 use fss_estimation::processes::SingerStep;
-use fss_estimation::{Columns, Step, Whitener};
+use fss_estimation::{Columns, Whitener};
 use fss_experiments::measured::Run;
 use fss_multibody::{JointVector, MAX_LINKS, ModelError, State};
 use fss_plant::{Effect, Physics, Plant};
@@ -19,7 +20,7 @@ use fss_plant::{Effect, Physics, Plant};
 /// States of the deviation: place and speed of the centre of mass, heading, angular momentum, coloured force and torque.
 const BODY: usize = 9;
 /// Of these, the first of the forces.
-const FORCES: usize = 6;
+pub(super) const FORCES: usize = 6;
 /// And of an arm: angular momentum of its rates' errors, error of the centre of mass.
 const ARM: usize = 3;
 pub(super) const ARM_MOMENTUM: usize = BODY;
@@ -45,12 +46,6 @@ pub(super) struct NoiseModel {
     arrivals: Vec<Arrivals>,
     thrust: ThrustErrors,
     gyro_walk: f64,
-}
-
-/// A step's matrices, n x n, row-major.
-struct Dense {
-    transition: Vec<f64>,
-    noise: Vec<f64>,
 }
 
 impl NoiseModel {
@@ -134,14 +129,12 @@ impl NoiseModel {
         let h = Hyper::of(hyper);
         let n = self.states();
         let mut filter = Whitener::new(n, &self.initial(&h), columns);
-        let mut dense = Dense { transition: vec![0.0; n * n], noise: vec![0.0; n * n] };
-        let (mut step, mut states) = (Step::default(), Vec::with_capacity(16));
+        let (mut step, mut states) = (Assembled::default(), Vec::with_capacity(16));
         for (block, (moment, sds)) in self.moments.iter().zip(&self.rows).enumerate() {
             let arm_sd = self.arm_sd(&h, block);
             if let Some(before) = block.checked_sub(1) {
-                self.step(&h, before, &mut dense);
-                step.set_dense(n, &dense.transition, &dense.noise);
-                filter.advance(&step);
+                self.step(&h, before, &mut step);
+                filter.advance(step.complete());
             }
             for (channel, sd) in sds.iter().enumerate() {
                 states.clear();
@@ -183,28 +176,26 @@ impl NoiseModel {
     }
 
     /// From a block to the next.
-    fn step(&self, h: &Hyper, block: usize, step: &mut Dense) {
+    fn step(&self, h: &Hyper, block: usize, step: &mut Assembled) {
         let (from, to) = (&self.moments[block], &self.moments[block + 1]);
-        let n = self.states();
         let dt = to.0 - from.0;
         let mean = |a: f64, b: f64| 0.5 * (a + b);
         let (cx, cy) = (mean(from.1[0], to.1[0]), mean(from.1[1], to.1[1]));
         let (mass, inertia) = (self.mass_kg, mean(from.2, to.2));
-        step.transition.fill(0.0);
-        step.noise.fill(0.0);
-        (0..n).for_each(|i| step.transition[i * n + i] = 1.0);
-        (step.transition[1], step.transition[2 * n + 3]) = (dt, dt);
-        step.transition[4 * n + 5] = dt / inertia;
+        step.clear();
+        let transition = &mut step.step.transition;
+        transition.extend((0..FORCES).map(|i| (i, i, 1.0)));
+        transition.extend([(0, 1, dt), (2, 3, dt), (4, 5, dt / inertia)]);
         let singer = SingerStep::new(dt, h.correlation);
         // Force along x and y at the base's origin, torque; then the errors of each thruster, of unit variance.
         let (force, torque) = (h.force.powi(2), h.torque.powi(2));
         let ways = [([1.0, 0.0, cy], force), ([0.0, 1.0, -cx], force), ([0.0, 0.0, 1.0], torque)];
         for (i, (wrench, variance)) in ways.into_iter().enumerate() {
-            add_force(step, n, (FORCES + i, wrench, variance), &singer, (mass, inertia));
+            step.add_force((FORCES + i, wrench, variance), &singer, (mass, inertia));
         }
         let singer = SingerStep::new(dt, h.thrust_correlation);
         for (i, wrench) in self.thrust.wrenches(block, h.thrust).enumerate() {
-            add_force(step, n, (self.first_thruster() + i, wrench, 1.0), &singer, (mass, inertia));
+            step.add_force((self.first_thruster() + i, wrench, 1.0), &singer, (mass, inertia));
         }
         let impulses =
             [([1.0, 0.0, cy], h.white_force), ([0.0, 1.0, -cx], h.white_force), ([0.0, 0.0, 1.0], h.white_torque)];
@@ -213,78 +204,40 @@ impl NoiseModel {
             let half = 0.5 * dt;
             let onto = [half * fx / mass, fx / mass, half * fy / mass, fy / mass, half * torque / inertia, torque];
             let variance = density * density * dt;
-            for i in 0..6 {
-                (0..6).for_each(|j| step.noise[i * n + j] += variance * onto[i] * onto[j]);
+            for (row, by) in step.body.iter_mut().zip(onto) {
+                row.iter_mut().zip(onto).for_each(|(q, with)| *q += variance * by * with);
             }
         }
         self.add_arm(h, block, dt, inertia, step);
         self.add_arrivals(dt, step);
         if self.gyro_walk > 0.0 {
-            step.noise[n * n - 1] += self.gyro_walk * dt;
+            let bias = self.states() - 1;
+            step.step.transition.push((bias, bias, 1.0));
+            step.step.noise.push((bias, bias, self.gyro_walk * dt));
         }
     }
 
     /// Errors of the arm's path, of unit variance: of its momentum, which turns the base the other way, and of its place.
-    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Dense) {
+    fn add_arm(&self, h: &Hyper, block: usize, dt: f64, inertia: f64, step: &mut Assembled) {
         let Some((correlation_s, _)) = self.arm else { return };
-        let n = self.states();
         let momentum = 0.5 * (self.arm_sd(h, block)[0] + self.arm_sd(h, block + 1)[0]);
         let singer = SingerStep::new(dt, correlation_s);
-        step.transition[4 * n + 9] = -singer.velocity * momentum / inertia;
-        step.transition[9 * n + 9] = singer.decay;
-        let onto = [(4, [0.0, -momentum / inertia, 0.0]), (9, [0.0, 0.0, 1.0])];
-        add_noise(&mut step.noise, n, &onto, &singer.noise, 1.0);
-        for state in [10, 11] {
-            step.transition[state * n + state] = singer.decay;
-            step.noise[state * n + state] += singer.noise[2][2];
-        }
+        step.step.transition.push((4, ARM_MOMENTUM, -singer.velocity * momentum / inertia));
+        step.step.transition.extend((ARM_MOMENTUM..BODY + ARM).map(|state| (state, state, singer.decay)));
+        let onto = [(4, [0.0, -momentum / inertia, 0.0]), (ARM_MOMENTUM, [0.0, 0.0, 1.0])];
+        step.add_noise(&onto, &singer.noise, 1.0);
+        step.step.noise.extend((ARM_SHIFT..BODY + ARM).map(|state| (state, state, singer.noise[2][2])));
     }
 
-    fn add_arrivals(&self, dt: f64, step: &mut Dense) {
-        let n = self.states();
+    fn add_arrivals(&self, dt: f64, Assembled { step, .. }: &mut Assembled) {
         for (u, arrivals) in self.each_arrivals() {
             let (transition, noise) = arrivals.step(dt);
-            for i in 0..ARRIVAL {
-                for j in 0..ARRIVAL {
-                    step.transition[(u + i) * n + u + j] = transition[i][j];
-                    step.noise[(u + i) * n + u + j] += noise[i][j];
+            for (i, j) in (0..ARRIVAL).flat_map(|i| (0..ARRIVAL).map(move |j| (i, j))) {
+                step.noise.push((u + i, u + j, noise[i][j]));
+                if transition[i][j] != 0.0 {
+                    step.transition.push((u + i, u + j, transition[i][j]));
                 }
             }
-        }
-    }
-}
-
-/// Adds a force that is a state of this variance: along x and y and its moment about the centre of mass at 1, and what it does in
-/// the step to the two translations and to the heading.
-fn add_force(
-    step: &mut Dense,
-    n: usize,
-    (state, [fx, fy, torque], variance): (usize, [f64; 3], f64),
-    singer: &SingerStep,
-    (mass, inertia): (f64, f64),
-) {
-    let onto = [
-        (0, [fx / mass, 0.0, 0.0]),
-        (1, [0.0, fx / mass, 0.0]),
-        (2, [fy / mass, 0.0, 0.0]),
-        (3, [0.0, fy / mass, 0.0]),
-        (4, [torque / inertia, 0.0, 0.0]),
-        (5, [0.0, torque, 0.0]),
-        (state, [0.0, 0.0, 1.0]),
-    ];
-    for (row, [p, v, _]) in &onto[..6] {
-        step.transition[row * n + state] += p * singer.position + v * singer.velocity;
-    }
-    step.transition[state * n + state] = singer.decay;
-    add_noise(&mut step.noise, n, &onto, &singer.noise, variance);
-}
-
-/// Adds `variance B S B'`, `B` given by rows.
-fn add_noise(noise: &mut [f64], n: usize, onto: &[(usize, [f64; 3])], s: &[[f64; 3]; 3], variance: f64) {
-    for (i, b) in onto.iter().filter(|(_, b)| *b != [0.0; 3]) {
-        let through: [f64; 3] = std::array::from_fn(|l| variance * (b[0] * s[0][l] + b[1] * s[1][l] + b[2] * s[2][l]));
-        for (j, b) in onto {
-            noise[i * n + j] += through[0] * b[0] + through[1] * b[1] + through[2] * b[2];
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::contacts::Contact;
 use super::hyper::PROMISING;
-use super::no_cause::{NoCause, medians};
+use super::no_cause::{NoCause, Noise, medians};
 use super::searched::Searched;
 use super::sets::{SIZES, probabilities};
 use super::space::{Found, HyperPoint, Search};
@@ -101,7 +101,7 @@ impl<'a> Course<'a> {
     /// Linearizes about the first model.
     fn new(
         problem: &'a Problem,
-        NoCause { uncertain, hyper, log_posterior, .. }: NoCause,
+        NoCause { uncertain, noise: Noise { hyper, curvature }, log_posterior, .. }: NoCause,
         from: Option<&Contact>,
         among: Option<&BTreeSet<usize>>,
     ) -> Result<Self, ModelError> {
@@ -113,6 +113,7 @@ impl<'a> Course<'a> {
         let known = if model.is_empty() { uncertain } else { Linearized::default() };
         let linearized = problem.linearized((&model, &hyper), Slope::Secant, &at_first, known)?;
         let search = Search::new(problem);
+        search.note_curvature(curvature);
         let null_hyper = hyper.clone();
         let (hyper, log_posterior) = match from {
             Some(contact) => search.optimum(&linearized, &contact.alone(), &medians(problem)),

@@ -5,7 +5,7 @@ use crate::block::{HyperParameter, Strength};
 use crate::gram::GramCache;
 use crate::problem::{Linearized, Present};
 use fss_estimation::evidence::SpikePosterior;
-use fss_estimation::quasi_newton::maximize;
+use fss_estimation::quasi_newton::{Effort, maximize};
 use std::collections::BTreeSet;
 
 /// Strengths of the discrepancy that sets are compared at, over the present ones.
@@ -37,18 +37,21 @@ pub(super) struct Reach {
     /// Gain that is not sought, nats.
     tolerance: f64,
     evaluations: usize,
+    /// Whether the likelihood bends much as it did about the present model.
+    bends_alike: bool,
 }
 
 impl Reach {
     /// From the priors' medians, a first look.
     pub(super) const OF_PRIOR: Self =
-        Self { width: 1.0, far: true, tolerance: FIRST_TOLERANCE, evaluations: EVALUATIONS };
+        Self { width: 1.0, far: true, tolerance: FIRST_TOLERANCE, evaluations: EVALUATIONS, bends_alike: false };
     /// Of a new model.
-    pub(super) const OF_MODEL: Self = Self { width: 0.5, far: true, tolerance: TOLERANCE, evaluations: EVALUATIONS };
+    pub(super) const OF_MODEL: Self =
+        Self { width: 0.5, far: true, tolerance: TOLERANCE, evaluations: EVALUATIONS, bends_alike: false };
     /// From the best of some that were compared, or of a problem much like this one.
     pub(super) const NEAR: Self = Self { far: false, ..Self::OF_MODEL };
     /// Of a set that promises to be more probable.
-    pub(super) const OF_PROMISING: Self = Self { evaluations: FEW_EVALUATIONS, ..Self::NEAR };
+    pub(super) const OF_PROMISING: Self = Self { evaluations: FEW_EVALUATIONS, bends_alike: true, ..Self::NEAR };
 }
 
 impl Search<'_> {
@@ -112,7 +115,7 @@ impl Search<'_> {
         causes: &[usize],
         classes: &[usize],
         start: &[f64],
-        Reach { width, far, tolerance, evaluations }: Reach,
+        Reach { width, far, tolerance, evaluations, bends_alike }: Reach,
         which: impl Fn(usize, &HyperParameter) -> bool,
     ) -> Vec<f64> {
         let (parameters, position) = self.parameters_with(causes);
@@ -156,8 +159,13 @@ impl Search<'_> {
         let start = scaled(&logs, &|log, unit| log / unit);
         let of_scaled = |at: &[f64]| value(&scaled(at, &|at, unit| at * unit));
         let bounds: Vec<[f64; 2]> = all.iter().zip(&units).map(|(h, unit)| h.bounds.map(|b| b.ln() / unit)).collect();
-        let (best, _) = maximize(&start, &steps, &bounds, tolerance, evaluations, of_scaled);
-        bounded(&scaled(&best, &|at, unit| at * unit))
+        let known = if bends_alike { self.curvature() } else { None };
+        let effort = Effort { tolerance, evaluations };
+        let best = maximize(&start, &steps, &bounds, effort, known.as_ref(), of_scaled);
+        if !bends_alike {
+            self.note_curvature(Some(best.curvature));
+        }
+        bounded(&scaled(&best.at, &|at, unit| at * unit))
     }
 
     /// Hyper-parameters of a family as the empty set needs them, the strengths of its discrepancies scaled; all others as `present`.

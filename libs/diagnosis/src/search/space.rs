@@ -2,7 +2,9 @@
 
 use crate::problem::{Present, Problem};
 use fss_estimation::evidence::{Slab, SpikePosterior};
+use nalgebra::DMatrix;
 use std::collections::{BTreeMap, HashMap};
+use std::sync::{Mutex, PoisonError};
 
 /// Variations from run to run that sets are compared at.
 pub(super) const VARIATIONS: [f64; 4] = [1e-4, 0.03, 0.1, 0.3];
@@ -22,6 +24,8 @@ pub(crate) struct Search<'a> {
     /// Pairs of candidates that these data cannot tell apart at all, the smaller first, with the one of them that was not in the
     /// model and the coordinates at which it does what the other did.
     pub(crate) identical: BTreeMap<(usize, usize), (usize, Vec<f64>)>,
+    /// How the likelihood bends about the hyper-parameters of the present model: those of a set that promises more are sought with that.
+    curvature: Mutex<Option<DMatrix<f64>>>,
 }
 
 /// Hyper-parameters and everything that follows from the data at them.
@@ -68,7 +72,16 @@ impl<'a> Search<'a> {
             chosen: Vec::new(),
             varying: Vec::new(),
             identical: BTreeMap::new(),
+            curvature: Mutex::default(),
         }
+    }
+
+    pub(super) fn curvature(&self) -> Option<DMatrix<f64>> {
+        self.curvature.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn note_curvature(&self, curvature: Option<DMatrix<f64>>) {
+        *self.curvature.lock().unwrap_or_else(PoisonError::into_inner) = curvature;
     }
 
     pub(super) fn names(&self, model: &[Present]) -> String {

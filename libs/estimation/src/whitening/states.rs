@@ -109,7 +109,7 @@ impl Transition {
                 is_mixed[i] = true;
             }
         }
-        beside.sort_by_key(|(i, ..)| *i);
+        beside.sort_unstable_by_key(|(i, ..)| *i);
         let mut places = 0;
         for of_state in beside.chunk_by(|a, b| a.0 == b.0) {
             let state = of_state[0].0;
