@@ -58,7 +58,7 @@ pub(crate) fn conclude(problem: &Problem, searched: &Searched, scores: &Scores, 
         }
         let Some(effect) = effects.into_iter().next() else { continue };
         if (1.0 - is_one) * of_any >= ASSERTED {
-            remarks.push(format!("{effect} would explain most, but of another size in each run: it is no cause"));
+            remarks.push(format!("the runs ask for {effect}, but each for another size: it is asserted as no cause"));
         }
         let cause = Cause {
             effect,
