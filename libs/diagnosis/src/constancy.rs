@@ -13,7 +13,7 @@ const IS_ONE: f64 = 0.95;
 /// each, from the same slab. The ratio of their marginal likelihoods is 1 for a cause that a single run shows.
 pub(crate) fn constancies(searched: &Searched) -> Vec<f64> {
     let (best, problem) = (&searched.sets[0].0, searched.search.problem);
-    let (parameters, _) = searched.search.parameters_with(&best.causes);
+    let parameters = searched.search.parameters_with(&best.causes).0;
     let runs = problem.grams_of_runs(&searched.linearized, &searched.hyper, &parameters, &GramCache::default());
     let runs = runs.unwrap_or_default();
     let of = |place: usize| {
@@ -50,8 +50,7 @@ fn likelihood(
     let of_own: Vec<f64> = own.iter().map(|at| spikes[*at]).collect();
     (1..runs.len()).for_each(|_| spikes.extend_from_slice(&of_own));
     let posterior = SpikePosterior::new(&gram, &spikes)?;
-    let mut position = vec![None; problem.parameters()];
-    parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
+    let (_, position) = searched.search.parameters_with(&best.causes);
     let with_class = |class: usize| {
         let mut classes = best.classes.clone();
         classes[place] = class;

@@ -72,8 +72,7 @@ fn evidence(searched: &Searched, gram: &Gram, parameters: &[usize], leaving: Opt
     let places: Vec<usize> = (0..best.causes.len()).filter(keep).collect();
     let causes: Vec<usize> = places.iter().map(|p| best.causes[*p]).collect();
     let classes: Vec<usize> = places.iter().map(|p| best.classes[*p]).collect();
-    let mut position = vec![None; problem.parameters()];
-    parameters.iter().enumerate().for_each(|(at, p)| position[*p] = Some(at));
+    let (_, position) = searched.search.parameters_with(&best.causes);
     let spikes = problem.spikes_of(&searched.linearized, parameters);
     let slabs = searched.search.slabs(&causes, &classes, &position)?;
     if gram.products.ncols() != parameters.len() + 1 {
