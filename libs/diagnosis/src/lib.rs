@@ -11,7 +11,8 @@
 //!   worth searching with.
 //! - `gram`: products of the whitened columns.
 //! - `search`: marginal likelihoods of sets of causes, and of wirings of the thrusters.
-//! - `conclude`: what is asserted; `constancy`: whether it is of one size in all runs; `scores`: what other runs say of it; `misfit`: errors over noise.
+//! - `conclude`: what is asserted; `constancy`: whether it is of one size in all runs; `scores`: what other runs say of it; `misfit`:
+//!   errors over noise.
 //! - `pulses`: single pulses that a thruster did not deliver.
 //! - [`diagnosis`]: the answer.
 //! - `draw`: causes drawn from the prior, to test all of this with.
