@@ -29,7 +29,7 @@ mod thrust_errors;
 use crate::block::{Block, HyperParameter};
 use crate::memo::{Memo, are_loaded_alike, are_pushed_alike, are_steady};
 use crate::path::{EncoderPath, PosePath, TimeGrid};
-use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives, link_ages_s};
+use crate::servo_response::{self, Answers, Drive, Nodes, Swing, datagrams, drives, lateness_s, link_ages_s};
 use fss_estimation::Columns;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
@@ -62,12 +62,21 @@ pub struct BaseBlock {
     nominal: Arc<About>,
     /// About what everything is linearized; `None` until it is known.
     present: Mutex<Option<Present>>,
-    driven_otherwise: Mutex<DrivenOtherwise>,
+    driven_otherwise: Mutex<RowsOtherwise>,
 }
 
-/// What the rows change by on other drives than those that everything is linearized about: these, the others, the sensors' ages, the rows.
-/// It hardly hangs on what else acts.
-type DrivenOtherwise = Vec<(([Vec<Drive>; 2], Ages), Option<Arc<Vec<f64>>>)>;
+/// How joints are driven otherwise than everything is linearized about.
+#[derive(PartialEq)]
+struct DrivenOtherwise {
+    /// The drives that everything is linearized about, and the others.
+    drives: [Vec<Drive>; 2],
+    /// How much later datagrams arrive.
+    late_s: f64,
+    ages: Ages,
+}
+
+/// What the rows change by where joints are driven otherwise. It hardly hangs on what else acts.
+type RowsOtherwise = Vec<(DrivenOtherwise, Option<Arc<Vec<f64>>>)>;
 
 /// About what everything is linearized.
 #[derive(Clone)]
@@ -106,14 +115,14 @@ impl About {
         Ok(Self { drives: drives(&physics), beside, predictor, rows: Memo::new(), noise })
     }
 
-    /// What the rows change by where links swing on their motors, and where these move otherwise than on this plant's drives, by the part
-    /// that telemetry does not show; `None` where neither is so.
+    /// What the rows change by where links swing on their motors, and where these move otherwise than on this plant's drives or later, by the
+    /// part that telemetry does not show; `None` where neither is so.
     fn answer(
         &self,
         (plant, effects): (&Plant, &[Effect]),
         physics: &Physics,
         (samples, commands): (&Samples, Option<&Commands>),
-        (answers, driven_otherwise): (&Answers, &Mutex<DrivenOtherwise>),
+        (answers, driven_otherwise): (&Answers, &Mutex<RowsOtherwise>),
     ) -> Result<Option<Arc<Vec<f64>>>, ModelError> {
         let encoders = &self.predictor.encoders;
         let (Some(nominal), Some(commands)) = (&encoders.response, commands) else { return Ok(None) };
@@ -129,18 +138,23 @@ impl About {
             };
             (unseen.is_some() || swings.is_some()).then(|| Arc::new(self.beside.rows(samples, ages, at)))
         };
-        let drives = [self.drives.clone(), drives(physics)];
-        if drives[0] == drives[1] {
+        let (drives, late_s) = ([self.drives.clone(), drives(physics)], lateness_s(physics));
+        if drives[0] == drives[1] && late_s == 0.0 {
             return Ok(rows(None, &nominal.swings));
         }
+        let otherwise = DrivenOtherwise { drives, late_s, ages };
         let kept = || driven_otherwise.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = kept().iter().find(|(of, _)| of.0 == drives && of.1 == ages) {
+        if let Some((_, known)) = kept().iter().find(|(of, _)| *of == otherwise) {
             return Ok(known.clone());
         }
-        let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
-        let there = answers.response(&plant, commands, &encoders.grid.edges_s())?;
+        let there = if otherwise.drives[0] == otherwise.drives[1] {
+            nominal.later(late_s, encoders.grid)
+        } else {
+            let plant = servo_response::with_exactly(plant, &servo_response::moving(effects));
+            answers.response(&plant, commands, &encoders.grid.edges_s())?.later(late_s, encoders.grid)
+        };
         let rows = rows(Some(there.beside(nominal)), &there.swings);
-        kept().push(((drives, ages), rows.clone()));
+        kept().push((otherwise, rows.clone()));
         Ok(rows)
     }
 }

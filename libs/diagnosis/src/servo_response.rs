@@ -6,11 +6,12 @@
 
 mod swing;
 
+use crate::path::TimeGrid;
 use fss_estimation::statistics::median;
 use fss_experiments::commands::Commands;
 use fss_experiments::measured::Run;
 use fss_multibody::ModelError;
-use fss_plant::{Effect, Physics, Place, Plant, Servo, Simulation};
+use fss_plant::{Effect, Physics, Place, Plant, Servo, Simulation, Stream};
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub(crate) use swing::{Elasticity, Swing, elasticity};
@@ -44,6 +45,18 @@ pub(crate) struct Response {
 }
 
 impl Response {
+    /// The same where datagrams arrive later; its nodes are those of a grid.
+    pub(crate) fn later(&self, by_s: f64, grid: TimeGrid) -> Self {
+        if by_s == 0.0 {
+            return self.clone();
+        }
+        let joint = |own: &Nodes| -> Nodes {
+            let at = |k: usize| grid.between(own, grid.edge_s(k) - by_s);
+            (0..own.len()).map(|k| [at(k)[0], at(k)[1], own[k][2]]).collect()
+        };
+        Self { nominal: self.nominal.iter().map(joint).collect(), swings: self.swings.clone() }
+    }
+
     /// The joints' motion beside another.
     pub(crate) fn beside(&self, other: &Self) -> Vec<Nodes> {
         let node = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| a[i] - b[i]);
@@ -161,6 +174,11 @@ pub(crate) fn moving(effects: &[Effect]) -> Vec<Effect> {
 /// Whether the servos of a plant with these effects answer as those of another plant with its own.
 pub(crate) fn answer_alike(plant: &Plant, effects: &[Effect], other: &Plant) -> bool {
     with_exactly(plant, &other.effects) == *other && moving(effects) == moving(&other.effects)
+}
+
+/// How much later datagrams reach their links than they are taken to, s.
+pub(crate) fn lateness_s(physics: &Physics) -> f64 {
+    -physics.sensors.age_s(Stream::JointCommand)
 }
 
 /// How much older each link's telemetry is than its stamps say, s.

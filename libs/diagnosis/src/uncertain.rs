@@ -55,8 +55,8 @@ enum Value {
     Field(Field),
     /// A thruster's thrust at level 1, by which a curve is scaled.
     Thrust,
-    /// Stamps of link telemetry less true time: an effect of the plant.
-    LinkStamps,
+    /// Stamps of a stream, a channel of `clock_offset`, less true time: an effect of the plant.
+    Stamps(&'static str),
 }
 
 impl Value {
@@ -64,7 +64,7 @@ impl Value {
         match self {
             Self::Field(field) => *field(&mut plant.clone(), index),
             Self::Thrust => plant.thrust_n(index),
-            Self::LinkStamps => plant.effects.iter().find(|e| are_link_stamps(e)).map_or(0.0, |e| e.values()[0]),
+            Self::Stamps(stream) => plant.effects.iter().find(|e| are_stamps(e, stream)).map_or(0.0, |e| e.values()[0]),
         }
     }
 
@@ -72,22 +72,29 @@ impl Value {
         match self {
             Self::Field(field) => *field(plant, index) = value,
             Self::Thrust => plant.set_thrust_n(index, value),
-            Self::LinkStamps => {
-                plant.effects.retain(|e| !are_link_stamps(e));
-                plant.effects.extend(link_stamps().map(|e| e.with(&[value])));
+            Self::Stamps(stream) => {
+                plant.effects.retain(|e| !are_stamps(e, stream));
+                plant.effects.extend(stamps(stream).map(|e| e.with(&[value])));
             }
         }
     }
 }
 
-/// The effect that stamps of link telemetry are wrong by a constant.
-fn link_stamps() -> Option<Effect> {
-    Some(Effect::new("clock_offset").ok()?.on("joints"))
+/// Streams of the links that stand by the radio's transit: their telemetry, and the datagrams that command them.
+const OF_LINKS: [&str; 2] = ["joints", "joint_command"];
+
+/// The effect that the stamps of a stream are wrong by a constant.
+fn stamps(stream: &str) -> Option<Effect> {
+    Some(Effect::new("clock_offset").ok()?.on(stream))
 }
 
-/// Whether an effect is an error of link stamps.
+fn are_stamps(effect: &Effect, stream: &str) -> bool {
+    stamps(stream).is_some_and(|own| is_same(&own, effect))
+}
+
+/// Whether an effect is an error of the stamps of a link's stream.
 pub(crate) fn are_link_stamps(effect: &Effect) -> bool {
-    link_stamps().is_some_and(|own| is_same(&own, effect))
+    OF_LINKS.iter().any(|stream| are_stamps(effect, stream))
 }
 
 impl Uncertain {
@@ -108,7 +115,7 @@ impl Uncertain {
 
     /// Whether it adds to this cause, which acts just as it does: links' stamps are late beside a clock that is wrong.
     pub(crate) fn adds_to(&self, cause: &Effect) -> bool {
-        matches!(self.value, Value::LinkStamps) && are_link_stamps(cause)
+        matches!(self.value, Value::Stamps(stream) if are_stamps(cause, stream))
     }
 
     fn is_positive(&self) -> bool {
@@ -126,6 +133,7 @@ pub(crate) fn uncertain(plant: &Plant, follows_datagrams: bool) -> Vec<Uncertain
             valve_times(&plant.valves, &mut add_to(&mut all));
         }
         if follows_datagrams {
+            all.extend(arrival(plant));
             for value in &mut all {
                 value.of_servo = OfServo::of(value, plant);
             }
@@ -163,13 +171,20 @@ pub fn stated(plant: &Plant) -> Vec<Uncertain> {
     drop(add);
     let other = |name: String, sd, index, value| Uncertain { name, sd, index, of_servo: None, value };
     if u.link_stamp_s > 0.0 && !plant.links.is_empty() {
-        all.push(other("link stamps_s".into(), u.link_stamp_s, 0, Value::LinkStamps));
+        all.push(other("link stamps_s".into(), u.link_stamp_s, 0, Value::Stamps(OF_LINKS[0])));
     }
     if u.thrust_n > 0.0 {
         let thrust = |i: usize| other(format!("thruster {} thrust_N", i + 1), u.thrust_n, i, Value::Thrust);
         all.extend((0..plant.thrusters.len()).map(thrust));
     }
     all
+}
+
+/// When datagrams reach their links, on average: the radio that takes telemetry takes them, and its transit is known as well.
+fn arrival(plant: &Plant) -> Option<Uncertain> {
+    let sd = plant.uncertainty.as_ref().map_or(0.0, |u| u.link_stamp_s);
+    let value = Value::Stamps(OF_LINKS[1]);
+    (sd > 0.0).then(|| Uncertain { name: "datagrams' stamps_s".into(), sd, index: 0, of_servo: None, value })
 }
 
 fn links(u: &Uncertainty, i: usize, add: &mut impl FnMut(String, f64, usize, Field)) {

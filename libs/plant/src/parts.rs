@@ -325,7 +325,8 @@ pub struct Uncertainty {
     /// Of each thruster's thrust.
     #[serde(rename = "thrust_N")]
     pub thrust_n: f64,
-    /// Of the stamps of link telemetry, all alike (s): a link's clock is known from its shortest transit.
+    /// Of the stamps of link telemetry, all alike, and of when datagrams reach their links (s): a link's clock is known from its shortest
+    /// transit.
     pub link_stamp_s: f64,
 }
 

@@ -280,7 +280,7 @@ mod tests {
     use crate::servo_response::ARRIVAL_SD_S;
     use fss_experiments::commands::Commands;
     use fss_experiments::measured::{Joints, Poses, Run};
-    use fss_plant::{JointCommand, Plant};
+    use fss_plant::{Effect, JointCommand, Plant};
 
     /// A joint that swings, its datagrams `late_s` later than they are taken to arrive; no sensor is noisy.
     fn flight(plant: &Plant, late_s: f64) -> Run {
@@ -343,5 +343,25 @@ mod tests {
             let rest = squares_about_a_line((50..moved.len()).map(|k| behind(k) - moved[k][axis]));
             assert!(all > 0.0 && rest < 0.1 * all, "axis {axis}: {rest} of {all}");
         }
+    }
+    #[test]
+    fn datagrams_that_are_all_late_are_so_by_the_clock_of_the_commands() {
+        let plant = Plant::default_laboratory().unwrap();
+        let [on_time, mut late] = [0.0, 0.012].map(|late_s| flight(&plant, late_s));
+        late.commands = on_time.commands;
+        // Telemetry as slow as a radio's: what it does not show, the datagrams tell.
+        let seldom = |all: &mut Vec<f64>| *all = all.iter().step_by(10).copied().collect();
+        let telemetry = late.joints.as_mut().unwrap();
+        seldom(&mut telemetry.t_s);
+        telemetry.q_rad.iter_mut().chain(&mut telemetry.qd_rad_s).for_each(seldom);
+        let block = BaseBlock::new(&plant, &late).unwrap().unwrap();
+        let stamped = |early_s: f64| Effect::new("clock_offset").unwrap().on("joint_command").with(&[early_s]);
+        let left = |effects: &[Effect]| {
+            let predicted = block.predict(&plant, effects).unwrap();
+            let error = |k: usize| block.measured()[3 * k + 2] - predicted[3 * k + 2];
+            squares_about_a_line((5..block.measured().len() / 3 - 5).map(error))
+        };
+        let [as_taken, as_sent, too_late] = [left(&[]), left(&[stamped(-0.012)]), left(&[stamped(-0.024)])];
+        assert!(as_sent < 0.1 * as_taken && as_sent < 0.5 * too_late, "{as_sent} of {as_taken} and {too_late}");
     }
 }
