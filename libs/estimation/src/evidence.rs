@@ -61,6 +61,26 @@ pub struct SetPosterior {
     pub covariance: DMatrix<f64>,
 }
 
+impl SetPosterior {
+    /// The same under several priors, each as probable as any other before the data: with this mean, and the covariance about it of the
+    /// mixture, each weighed by its marginal likelihood.
+    #[must_use]
+    pub fn among(mut self, others: &[Self]) -> Self {
+        let all = || std::iter::once(&self).chain(others);
+        let top = all().map(|own| own.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        let k = self.mean.len();
+        let (mut covariance, mut sum) = (DMatrix::zeros(k, k), 0.0);
+        for own in all() {
+            let weight = (own.log_evidence - top).exp();
+            let apart = DVector::from_fn(k, |i, _| own.mean[i] - self.mean[i]);
+            covariance += weight * (&own.covariance + &apart * apart.transpose());
+            sum += weight;
+        }
+        self.covariance = covariance / sum;
+        self
+    }
+}
+
 impl SpikePosterior {
     /// From a Gram matrix and the standard deviations of the spikes, one a parameter. `None` where the matrix is not finite.
     pub fn new(gram: &Gram, spikes: &[f64]) -> Option<Self> {
@@ -193,6 +213,21 @@ mod tests {
         let cholesky = Cholesky::new(covariance).unwrap();
         let log_det = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
         -0.5 * (log_det + residual.dot(&cholesky.solve(&residual)))
+    }
+
+    #[test]
+    fn under_several_priors_a_value_is_as_unsure_as_their_mixture() {
+        let normal = |log_evidence: f64, mean: f64, variance: f64| SetPosterior {
+            log_evidence,
+            mean: vec![mean],
+            covariance: DMatrix::from_element(1, 1, variance),
+        };
+        let (three, one) = (normal(3.0_f64.ln(), 2.0, 0.5), normal(0.0, 0.0, 0.1));
+        // 3/4 (0.5) + 1/4 (0.1 + 2^2).
+        let mixed = three.clone().among(&[one]);
+        assert!((mixed.covariance[(0, 0)] - 1.4).abs() < 1e-12 && mixed.mean == [2.0]);
+        let alone = three.clone().among(&[normal(-1e3, 9.0, 1.0)]);
+        assert!((alone.covariance[(0, 0)] - 0.5).abs() < 1e-12);
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub(super) struct ColumnsOfSet<'a> {
     uncertain: Linearized,
     present: Vec<usize>,
     parameters: Vec<usize>,
-    position: Vec<Option<usize>>,
+    pub(super) position: Vec<Option<usize>>,
     pub(super) slabs: Vec<Slab>,
 }
 

@@ -1,6 +1,7 @@
 //! How well a set's estimate is known.
 
-use super::space::{Found, Search};
+use super::estimate::ColumnsOfSet;
+use super::space::{Found, HyperPoint, Search};
 use crate::problem::{Linearized, Present, Slope};
 use fss_estimation::evidence::SetPosterior;
 use fss_multibody::ModelError;
@@ -33,7 +34,8 @@ impl Search<'_> {
         let posterior = |model: &[Present], slope: Slope| -> Result<Option<SetPosterior>, ModelError> {
             Ok(columns.point(model, slope, hyper)?.and_then(|point| point.posterior.of_set(&columns.slabs)))
         };
-        let mut coordinates = posterior(model, Slope::Tangent)?.unwrap_or(in_secants);
+        let tangents = columns.point(model, Slope::Tangent, hyper)?;
+        let mut coordinates = tangents.and_then(|point| self.in_any_class(&point, set, &columns)).unwrap_or(in_secants);
         for (at, present) in model.iter().enumerate() {
             let own = &self.problem.candidates[present.candidate];
             let place = set.causes.iter().position(|c| *c == present.candidate);
@@ -59,5 +61,20 @@ impl Search<'_> {
             shapes[place] = variance.sqrt();
         }
         Ok(Estimate { coordinates, shapes })
+    }
+    /// The posterior of a set's coordinates in its classes, widened by what others of each cause's classes say: whether a bias alone departs,
+    /// or a scale, too, is part of what is not known.
+    fn in_any_class(&self, point: &HyperPoint, set: &Found, columns: &ColumnsOfSet) -> Option<SetPosterior> {
+        let others = set.causes.iter().enumerate().flat_map(|(place, cause)| {
+            let others = (0..self.classes(*cause)).filter(move |class| *class != set.classes[place]);
+            others.map(move |class| (place, class))
+        });
+        let in_other = |(place, class): (usize, usize)| {
+            let mut classes = set.classes.clone();
+            classes[place] = class;
+            point.posterior.of_set(&self.slabs(&set.causes, &classes, &columns.position)?)
+        };
+        let others: Vec<SetPosterior> = others.filter_map(in_other).collect();
+        Some(point.posterior.of_set(&columns.slabs)?.among(&others))
     }
 }
