@@ -8,21 +8,25 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
-/// The data and some parameters' columns of a block side by side: those that are not 0 throughout.
-pub(crate) struct Prepared {
-    pub(crate) columns: Columns,
-    /// Which each is: 0 is the data, i + 1 the i-th parameter that was asked for.
-    pub(crate) places: Vec<usize>,
+/// The data and some parameters' columns of a block: those that are not 0 throughout, and which each is: 0 is the data, i + 1 the i-th
+/// parameter that was asked for.
+pub(crate) fn acting<'c>(columns: &'c [Vec<f64>], parameters: &[usize]) -> (Vec<&'c [f64]>, Vec<usize>) {
+    let all = std::iter::once(0).chain(parameters.iter().map(|p| p + 1));
+    let placed = all.enumerate().map(|(place, column)| (columns[column].as_slice(), place));
+    placed.filter(|(own, place)| *place == 0 || own.iter().any(|v| *v != 0.0)).unzip()
+}
+
+/// The same side by side.
+struct Prepared {
+    columns: Columns,
+    places: Vec<usize>,
 }
 
 impl Prepared {
     /// From all columns of the block.
-    pub(crate) fn new(columns: &[Vec<f64>], parameters: &[usize]) -> Self {
-        let all: Vec<usize> = std::iter::once(0).chain(parameters.iter().map(|p| p + 1)).collect();
-        let acts = |place: &usize| *place == 0 || columns[*place].iter().any(|v| *v != 0.0);
-        let places: Vec<usize> = (0..all.len()).filter(|i| acts(&all[*i])).collect();
-        let chosen: Vec<&[f64]> = places.iter().map(|i| columns[all[*i]].as_slice()).collect();
-        Self { columns: Columns::of(&chosen), places }
+    fn new(columns: &[Vec<f64>], parameters: &[usize]) -> Self {
+        let (acting, places) = acting(columns, parameters);
+        Self { columns: Columns::of(&acting), places }
     }
 }
 

@@ -1,12 +1,15 @@
 //! A first look at all candidates, one at a time beside the present model: which are worth searching with.
 
-use crate::gram::Prepared;
+use crate::gram::acting;
 use crate::problem::{Linearized, Member, Problem};
 use fss_estimation::Columns;
 use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Rows that are multiplied at once, so that their columns stay near.
+const TOGETHER: usize = 128;
 
 /// Sums over all blocks: products of the data and the base columns with all columns, and those of each candidate's own.
 #[derive(Clone, Default)]
@@ -58,16 +61,16 @@ impl Problem {
     pub(crate) fn products(&self, linearized: &Linearized, hypers: &[Vec<f64>], base: &[usize]) -> Vec<Products> {
         let all: Vec<usize> = (0..self.parameters()).collect();
         let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| -> Vec<Arc<Products>> {
-            let prepared = Prepared::new(columns, &all);
+            let (acting, places) = acting(columns, &all);
             let mut white = Columns::default();
             // Hyper-parameters of one family do not move the others' blocks.
             let mut known: Vec<(&[f64], Arc<Products>)> = Vec::new();
             let mut out = Vec::new();
             for own in hypers.iter().map(|hyper| self.hyper_of(member, hyper)) {
                 if known.iter().all(|(hyper, _)| *hyper != own) {
-                    white.copy_from(&prepared.columns);
+                    white.fill_from(&acting);
                     let log_det = member.block.whiten(own, &mut white);
-                    known.push((own, Arc::new(self.products_of(&white, &prepared.places, base, log_det))));
+                    known.push((own, Arc::new(self.products_of(&white, &places, base, log_det))));
                 }
                 out.extend(known.iter().find(|(hyper, _)| *hyper == own).map(|(_, products)| products.clone()));
             }
@@ -95,21 +98,24 @@ impl Problem {
         let bases: Vec<Option<usize>> =
             std::iter::once(0).chain(base.iter().map(|p| p + 1)).map(|p| row_of[p]).collect();
         let known: Vec<usize> = bases.iter().flatten().copied().collect();
-        let columns = DMatrix::from_row_slice(white.rows(), white.width(), white.values());
-        let products = columns.select_columns(&known).transpose() * &columns;
+        let mut products = DMatrix::zeros(known.len(), white.width());
+        let empty = |c: usize| DMatrix::zeros(self.parameters_of(c).len(), self.parameters_of(c).len());
+        let mut own: Vec<DMatrix<f64>> = (0..self.candidates.len()).map(empty).collect();
+        for rows in white.values().chunks(TOGETHER * white.width()) {
+            let columns = DMatrix::from_row_slice(rows.len() / white.width(), white.width(), rows);
+            products += columns.select_columns(&known).transpose() * &columns;
+            for (c, own) in own.iter_mut().enumerate() {
+                let column = |p: usize| row_of[p + 1].map(|row| columns.column(row));
+                let all: Vec<_> = self.parameters_of(c).map(column).collect();
+                let product = |i: usize, j: usize| all[i].zip(all[j]).map_or(0.0, |(a, b)| a.dot(&b));
+                *own += DMatrix::from_fn(all.len(), all.len(), product);
+            }
+        }
         let mut with_base = DMatrix::zeros(bases.len(), count);
         let rows_of_base = (0..bases.len()).filter(|i| bases[*i].is_some());
         for (from, to) in rows_of_base.enumerate() {
             places.iter().enumerate().for_each(|(row, place)| with_base[(to, *place)] = products[(from, row)]);
         }
-        let own = (0..self.candidates.len()).map(|c| {
-            let range = self.parameters_of(c);
-            let row = |i: usize| row_of[range.start + 1 + i].map(|row| columns.column(row));
-            DMatrix::from_fn(range.len(), range.len(), |i, j| match (row(i), row(j)) {
-                (Some(a), Some(b)) => a.dot(&b),
-                _ => 0.0,
-            })
-        });
-        Products { with_base, own: own.collect(), log_det }
+        Products { with_base, own, log_det }
     }
 }

@@ -15,19 +15,29 @@ impl Columns {
     /// # Panics
     /// Where the columns differ in length.
     pub fn of<C: AsRef<[f64]>>(columns: &[C]) -> Self {
+        let mut out = Self::default();
+        out.fill_from(columns);
+        out
+    }
+
+    /// Becomes these columns side by side, in the memory that it has.
+    ///
+    /// # Panics
+    /// Where the columns differ in length.
+    pub fn fill_from<C: AsRef<[f64]>>(&mut self, columns: &[C]) {
         let rows = columns.first().map_or(0, |c| c.as_ref().len());
         assert!(columns.iter().all(|c| c.as_ref().len() == rows), "columns of one length");
         let width = columns.len();
-        let mut data = vec![0.0; rows * width];
+        self.width = width;
+        self.data.resize(rows * width, 0.0);
         // Some rows at a time, so that what is written stays near.
         const TOGETHER: usize = 64;
-        for (k, block) in data.chunks_mut(TOGETHER * width.max(1)).enumerate() {
+        for (k, block) in self.data.chunks_mut(TOGETHER * width.max(1)).enumerate() {
             for (j, column) in columns.iter().enumerate() {
                 let from = &column.as_ref()[k * TOGETHER..];
                 block[j..].iter_mut().step_by(width).zip(from).for_each(|(to, from)| *to = *from);
             }
         }
-        Self { width, data }
     }
 
     /// Becomes a copy of others, in the memory that it has.
