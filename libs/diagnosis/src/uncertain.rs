@@ -80,7 +80,7 @@ impl Value {
     }
 }
 
-/// Streams of the links that stand by the radio's transit: their telemetry, and the datagrams that command them.
+/// Streams of the links whose stamps hang on the radio's transit: their telemetry, and the datagrams that command them.
 const OF_LINKS: [&str; 2] = ["joints", "joint_command"];
 
 /// The effect that the stamps of a stream are wrong by a constant.
