@@ -45,7 +45,7 @@ pub(crate) struct Response {
 }
 
 impl Response {
-    /// The same where datagrams arrive later; its nodes are those of a grid.
+    /// The same where datagrams arrive later; its nodes are those of a grid. Swings stay where they are: milliseconds are little of one.
     pub(crate) fn later(&self, by_s: f64, grid: TimeGrid) -> Self {
         if by_s == 0.0 {
             return self.clone();

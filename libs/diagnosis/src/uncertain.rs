@@ -119,7 +119,7 @@ impl Uncertain {
     }
 
     fn is_positive(&self) -> bool {
-        !(self.name.contains("joint1") || self.name.contains("offset"))
+        !(matches!(self.value, Value::Stamps(_)) || self.name.contains("joint1") || self.name.contains("offset"))
     }
 }
 
@@ -215,4 +215,27 @@ fn gains(of: &Servo, i: usize, add: &mut impl FnMut(String, f64, usize, Field)) 
 fn valve_times(of: &Valves, add: &mut impl FnMut(String, f64, usize, Field)) {
     add("valves rise_s".into(), VALVE_TIME_SHARE * of.rise_s, 0, |p, _| &mut p.valves.rise_s);
     add("valves fall_s".into(), VALVE_TIME_SHARE * of.fall_s, 0, |p, _| &mut p.valves.fall_s);
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_that_are_late_may_be_early_as_well_and_a_friction_is_never_negative() {
+        let mut plant = Plant::default_laboratory().unwrap();
+        let stated = plant.uncertainty.get_or_insert_default();
+        (stated.link_stamp_s, stated.coulomb_friction_n_m) = (5e-4, 1.0);
+        plant.effects.extend(OF_LINKS.iter().map(|stream| stamps(stream).unwrap().with(&[1e-4])));
+        let moved = |name: &str| {
+            let all = uncertain(&plant, true);
+            let value = all.iter().find(|value| value.name.contains(name)).unwrap();
+            value.of(&value.moved(&plant, -1.0))
+        };
+        for stream in ["link stamps", "datagrams' stamps"] {
+            assert!((moved(stream) + 4e-4).abs() < 1e-12, "{stream}: {}", moved(stream));
+        }
+        assert!(moved("coulomb_friction") > 0.0);
+    }
 }

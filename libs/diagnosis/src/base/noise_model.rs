@@ -344,6 +344,7 @@ mod tests {
             assert!(all > 0.0 && rest < 0.1 * all, "axis {axis}: {rest} of {all}");
         }
     }
+
     #[test]
     fn datagrams_that_are_all_late_are_so_by_the_clock_of_the_commands() {
         let plant = Plant::default_laboratory().unwrap();

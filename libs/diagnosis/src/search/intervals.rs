@@ -62,6 +62,7 @@ impl Search<'_> {
         }
         Ok(Estimate { coordinates, shapes })
     }
+
     /// The posterior of a set's coordinates in its classes, widened by what others of each cause's classes say: whether a bias alone departs,
     /// or a scale, too, is part of what is not known.
     fn in_any_class(&self, point: &HyperPoint, set: &Found, columns: &ColumnsOfSet) -> Option<SetPosterior> {
