@@ -1,6 +1,6 @@
 //! Causes that these data cannot tell apart at all: what one does, or some do together, another does with another size.
 
-use crate::problem::{Linearized, Present, Problem, difference};
+use crate::problem::{Column, Linearized, Member, Present, Problem, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
 use nalgebra::{Cholesky, DVector};
@@ -37,7 +37,7 @@ impl Problem {
         };
         let rest: Vec<Present> = model.iter().filter(|p| !is_meant(p)).cloned().collect();
         let (without, with) = (self.predictions(&rest)?, self.predictions(model)?);
-        let action = |of: &Predictions| -> Predictions {
+        let action = |of: &Predictions| -> Vec<Column> {
             of.iter().zip(&without).map(|(with, without)| difference(with, without, 1.0)).collect()
         };
         let mine = action(&with);
@@ -77,8 +77,8 @@ impl Problem {
     }
 
     /// Scalar products of two actions, whitened: of the first with itself, of both, of the second with itself.
-    fn whitened_products(&self, hyper: &[f64], first: &Predictions, second: &Predictions) -> [f64; 3] {
-        let of_member = |((member, a), b): ((&crate::problem::Member, &Vec<f64>), &Vec<f64>)| {
+    fn whitened_products(&self, hyper: &[f64], first: &[Column], second: &[Column]) -> [f64; 3] {
+        let of_member = |((member, a), b): ((&Member, &Column), &Column)| {
             let mut white = Columns::of(&[a, b]);
             member.block.whiten(self.hyper_of(member, hyper), &mut white);
             let row = |k: usize| [white.row(k)[0], white.row(k)[1]];

@@ -1,6 +1,6 @@
 //! Gram matrices of the whitened columns, by run and summed, and the cache of those that were computed last.
 
-use crate::problem::{Linearized, Member, Problem};
+use crate::problem::{Column, Linearized, Member, Problem};
 use fss_estimation::Columns;
 use fss_estimation::evidence::Gram;
 use nalgebra::{Cholesky, DMatrix};
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 
 /// The data and some parameters' columns of a block: those that are not 0 throughout, and which each is: 0 is the data, i + 1 the i-th
 /// parameter that was asked for.
-pub(crate) fn acting<'c>(columns: &'c [Vec<f64>], parameters: &[usize]) -> (Vec<&'c [f64]>, Vec<usize>) {
+pub(crate) fn acting<'c>(columns: &'c [Column], parameters: &[usize]) -> (Vec<&'c [f32]>, Vec<usize>) {
     let all = std::iter::once(0).chain(parameters.iter().map(|p| p + 1));
     let placed = all.enumerate().map(|(place, column)| (columns[column].as_slice(), place));
     placed.filter(|(own, place)| *place == 0 || own.iter().any(|v| *v != 0.0)).unzip()
@@ -24,7 +24,7 @@ struct Prepared {
 
 impl Prepared {
     /// From all columns of the block.
-    fn new(columns: &[Vec<f64>], parameters: &[usize]) -> Self {
+    fn new(columns: &[Column], parameters: &[usize]) -> Self {
         let (acting, places) = acting(columns, parameters);
         Self { columns: Columns::of(&acting), places }
     }
@@ -64,7 +64,7 @@ impl Problem {
         parameters: &[usize],
         cache: &GramCache,
     ) -> Vec<Gram> {
-        let of_member = |(k, (member, columns)): (usize, (&Member, &Vec<Vec<f64>>))| {
+        let of_member = |(k, (member, columns)): (usize, (&Member, &Vec<Column>))| {
             let own = self.hyper_of(member, hyper);
             let gram = cache.get(k, own, || {
                 let prepared = cache.prepared(k, || Prepared::new(columns, parameters));

@@ -5,7 +5,7 @@ use crate::block::{Block, HyperParameter, VARIATION};
 use crate::candidates::{Candidate, Records, candidates};
 use crate::joint_telemetry::{ranges, rate_variance, rates};
 use crate::joints::joint_block_with;
-pub(crate) use crate::linearized::{Linearized, Slope, difference};
+pub(crate) use crate::linearized::{Column, Linearized, Slope, difference};
 use crate::servo_response::datagrams;
 use crate::tuning::Tuning;
 use crate::uncertain::{OfServo, Uncertain, uncertain};
@@ -263,7 +263,7 @@ impl Problem {
     /// Families of blocks in which a candidate acts.
     pub(crate) fn families(&self, linearized: &Linearized, candidate: usize) -> Vec<usize> {
         let acts =
-            |columns: &Vec<Vec<f64>>| self.parameters_of(candidate).any(|p| columns[p + 1].iter().any(|v| *v != 0.0));
+            |columns: &Vec<Column>| self.parameters_of(candidate).any(|p| columns[p + 1].iter().any(|v| *v != 0.0));
         let all = self.members.iter().zip(&linearized.columns);
         all.filter(|(_, columns)| acts(columns)).map(|(member, _)| member.family).collect()
     }
@@ -271,7 +271,7 @@ impl Problem {
     /// Only the columns of the uncertain values.
     pub(crate) fn of_uncertain(&self, linearized: &Linearized) -> Linearized {
         let first = 1 + self.parameters() - self.uncertain.len();
-        let own = |columns: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+        let own = |columns: &Vec<Column>| -> Vec<Column> {
             columns.iter().enumerate().map(|(i, c)| if i < first { Vec::new() } else { c.clone() }).collect()
         };
         Linearized { columns: linearized.columns.iter().map(own).collect(), size: linearized.size.clone() }

@@ -1,7 +1,7 @@
 //! A first look at all candidates, one at a time beside the present model: which are worth searching with.
 
 use crate::gram::acting;
-use crate::problem::{Linearized, Member, Problem};
+use crate::problem::{Column, Linearized, Member, Problem};
 use fss_estimation::Columns;
 use fss_estimation::evidence::{Gram, Slab, SpikePosterior};
 use nalgebra::{Cholesky, DMatrix};
@@ -60,7 +60,7 @@ impl Problem {
     /// Products of all columns, with those of `base`, at some values of the hyper-parameters.
     pub(crate) fn products(&self, linearized: &Linearized, hypers: &[Vec<f64>], base: &[usize]) -> Vec<Products> {
         let all: Vec<usize> = (0..self.parameters()).collect();
-        let of_member = |(member, columns): (&Member, &Vec<Vec<f64>>)| -> Vec<Arc<Products>> {
+        let of_member = |(member, columns): (&Member, &Vec<Column>)| -> Vec<Arc<Products>> {
             let (acting, places) = acting(columns, &all);
             let mut white = Columns::default();
             // Hyper-parameters of one family do not move the others' blocks.

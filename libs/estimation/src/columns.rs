@@ -14,7 +14,7 @@ impl Columns {
     ///
     /// # Panics
     /// Where the columns differ in length.
-    pub fn of<C: AsRef<[f64]>>(columns: &[C]) -> Self {
+    pub fn of<T: Copy + Into<f64>, C: AsRef<[T]>>(columns: &[C]) -> Self {
         let mut out = Self::default();
         out.fill_from(columns);
         out
@@ -24,7 +24,7 @@ impl Columns {
     ///
     /// # Panics
     /// Where the columns differ in length.
-    pub fn fill_from<C: AsRef<[f64]>>(&mut self, columns: &[C]) {
+    pub fn fill_from<T: Copy + Into<f64>, C: AsRef<[T]>>(&mut self, columns: &[C]) {
         let rows = columns.first().map_or(0, |c| c.as_ref().len());
         assert!(columns.iter().all(|c| c.as_ref().len() == rows), "columns of one length");
         let width = columns.len();
@@ -35,7 +35,7 @@ impl Columns {
         for (k, block) in self.data.chunks_mut(TOGETHER * width.max(1)).enumerate() {
             for (j, column) in columns.iter().enumerate() {
                 let from = &column.as_ref()[k * TOGETHER..];
-                block[j..].iter_mut().step_by(width).zip(from).for_each(|(to, from)| *to = *from);
+                block[j..].iter_mut().step_by(width).zip(from).for_each(|(to, from)| *to = (*from).into());
             }
         }
     }

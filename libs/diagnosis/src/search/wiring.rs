@@ -19,7 +19,7 @@ use super::space::Search;
 use crate::block::HyperParameter;
 use crate::conclude::ASSERTED;
 use crate::gram::GramCache;
-use crate::problem::{Linearized, Member, Problem, Slope, difference};
+use crate::problem::{Column, Linearized, Member, Problem, Slope, difference};
 use fss_estimation::Columns;
 use fss_multibody::ModelError;
 use fss_plant::Effect;
@@ -100,9 +100,6 @@ impl Search<'_> {
     }
 }
 
-/// A column of a block.
-type Column = Vec<f64>;
-
 /// What each command does through each thruster.
 struct Actions {
     /// Columns b_ij of each block of the base, by command and then thruster; none of other blocks.
@@ -143,7 +140,7 @@ impl Actions {
             let mut columns = columns.clone();
             for (i, thruster) in thrusters.iter().enumerate().filter(|(i, j)| **j != Some(*i) && !actions.is_empty()) {
                 let mut add =
-                    |by: f64, column: &[f64]| columns[0].iter_mut().zip(column).for_each(|(d, c)| *d += by * c);
+                    |by: f32, column: &Column| columns[0].iter_mut().zip(column).for_each(|(d, c)| *d += by * c);
                 add(1.0, &actions[i * count + i]);
                 if let Some(j) = thruster {
                     add(-1.0, &actions[i * count + j]);
@@ -162,7 +159,7 @@ impl Actions {
             if actions.is_empty() {
                 return DMatrix::zeros(width, width);
             }
-            let all: Vec<&[f64]> = std::iter::once(&columns[0]).chain(actions).map(Vec::as_slice).collect();
+            let all: Vec<&[f32]> = std::iter::once(&columns[0]).chain(actions).map(Vec::as_slice).collect();
             let mut white = Columns::of(&all);
             member.block.whiten(problem.hyper_of(member, hyper), &mut white);
             let rows = DMatrix::from_column_slice(white.width(), white.rows(), white.values());
