@@ -79,8 +79,8 @@ fn print_cause(cause: &Cause) {
     for (i, (p, v)) in cause.effect.about().parameters.iter().zip(cause.effect.values()).enumerate() {
         match cause.std.get(i) {
             Some(std) => {
-                let digits = digits_of(*std);
-                say!("    {:<26}{v:>12.digits$} +- {std:.digits$} {}", p.name, p.unit);
+                let (digits, space) = (digits_of(*std), if p.unit.is_empty() { "" } else { " " });
+                say!("    {:<26}{v:>12.digits$} +- {std:.digits$}{space}{}", p.name, p.unit);
             }
             None => say!("    {:<26}{v:>12}", p.name),
         }
