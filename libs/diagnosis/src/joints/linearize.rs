@@ -110,7 +110,8 @@ const ECCENTRICITY_SD_RAD: f64 = 5e-3;
 const TIMING_S: f64 = 0.0025;
 
 /// Variance that uncertain times give a row: of a drive's where thrust begins or ends, the square of half of what the row changes
-/// over the span of its samples and their timing, had the arm moved on evenly; of a rate's where a datagram arrives.
+/// over the span of its samples and their timing, had the arm moved on evenly; of a rate's, and of the current that accelerates an elastic
+/// drive's rotor, where a datagram arrives.
 pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], slopes: &mut [Slopes]) {
     for moment in moments(rows) {
         let t_s = rows[moment.start].t_s;
@@ -121,9 +122,12 @@ pub(super) fn timing(mechanics: &Mechanics, path: &MeasuredPath, rows: &[Row], s
             if let Kind::Torque(i) | Kind::Current(i) | Kind::Undriven(i) = rows[k].kind {
                 let unit = reading_of_one(mechanics, t_s, rows[k].kind);
                 slopes[k].timing_variance = (0.5 * unit * change[i]).powi(2);
+                if let (Kind::Current(_), Some(inertia)) = (rows[k].kind, mechanics.own_rotor_kg_m2(t_s, i)) {
+                    slopes[k].timing_variance += (unit * inertia * path.arrivals_sd(i, t_s)[1]).powi(2);
+                }
             }
             if let Kind::Rate(i) = rows[k].kind {
-                slopes[k].timing_variance = path.arrival_sd(i, t_s).powi(2);
+                slopes[k].timing_variance = path.arrivals_sd(i, t_s)[0].powi(2);
             }
             if let Kind::Tip(_) = rows[k].kind {
                 let by_angle = slopes[k].motion.iter().filter(|(state, _)| state % 3 == 0);

@@ -252,13 +252,21 @@ impl<'a> Mechanics<'a> {
         torques
     }
 
-    /// Torque that joint `i`'s motor gives for its drive to pass on `torque`, N m; the direction of sliding is as certain as
-    /// the rate, of standard deviation `rate_sd`.
+    /// Torque that joint `i`'s motor gives for its drive to pass on `torque`, N m, and for a rotor that moves on its own to move along; the
+    /// direction of sliding is as certain as the rate, of standard deviation `rate_sd`.
     pub(super) fn motor_torque(&self, t_s: f64, i: usize, torque: f64, arm: &ArmState, rate_sd: f64) -> f64 {
         let joint = &self.physics(t_s).joints[i];
         let rate = arm.motor_rad_s[i];
         let ratio = joint.gear_ratio(arm.q_rad[i]);
-        (torque + joint.friction.sliding_n_m(direction(rate, rate_sd), rate)) / ratio
+        let friction = joint.friction.sliding_n_m(direction(rate, rate_sd), rate);
+        let rotor = self.own_rotor_kg_m2(t_s, i).map_or(0.0, |inertia| inertia * arm.qdd_rad_s2[i]);
+        (torque + friction + rotor) / ratio
+    }
+
+    /// Inertia of a rotor that moves on its own, on an elastic drive, kg m2; a rigid drive's is counted in the links.
+    pub(super) fn own_rotor_kg_m2(&self, t_s: f64, i: usize) -> Option<f64> {
+        let physics = self.physics(t_s);
+        physics.joints[i].is_elastic().then(|| physics.servos[i].rotor_inertia_kg_m2)
     }
 
     /// The current that a motor takes for a torque, A.

@@ -137,7 +137,7 @@ impl MeasuredPath {
     /// Standard deviation of a joint's rate at `t_s`, rad/s: of the smoother, and of when datagrams arrive.
     pub(super) fn rate_sd(&self, joint: usize, t_s: f64) -> f64 {
         let smoothed = self.rate_sd[joint].get(self.node(t_s)).copied().unwrap_or(0.0);
-        smoothed.hypot(self.arrival_sd(joint, t_s))
+        smoothed.hypot(self.arrivals_sd(joint, t_s)[0])
     }
 
     /// The same of all joints.
@@ -152,13 +152,13 @@ impl MeasuredPath {
         self.rates_sd_at.get_or_init(|| times_s.iter().map(|t_s| self.rates_sd(*t_s)).collect())
     }
 
-    /// How much of a joint's rate at `t_s` hangs on when a datagram arrives, root mean square, rad/s.
-    pub(super) fn arrival_sd(&self, joint: usize, t_s: f64) -> f64 {
-        let Some(reference) = self.reference.as_ref().filter(|_| self.is_told_by_datagrams) else { return 0.0 };
-        let rate = |by_s: f64| reference[joint].at(t_s + by_s)[1];
-        let now = rate(0.0);
-        let squares = ARRIVALS.map(|by| (rate(by * ARRIVAL_SD_S) - now).powi(2));
-        (squares.iter().sum::<f64>() / ARRIVALS.len() as f64).sqrt()
+    /// How much of a joint's rate, rad/s, and acceleration at `t_s` hangs on when a datagram arrives, root mean square.
+    pub(super) fn arrivals_sd(&self, joint: usize, t_s: f64) -> [f64; 2] {
+        let Some(reference) = self.reference.as_ref().filter(|_| self.is_told_by_datagrams) else { return [0.0; 2] };
+        let now = reference[joint].at(t_s);
+        let others = ARRIVALS.map(|by| reference[joint].at(t_s + by * ARRIVAL_SD_S));
+        let square = |k: usize| others.iter().map(|other| (other[k] - now[k]).powi(2)).sum::<f64>();
+        [1, 2].map(|k| (square(k) / ARRIVALS.len() as f64).sqrt())
     }
 
     /// How far a joint's path is from the reference at `t_s`: angle, rate, acceleration. Zeros without one.
@@ -261,9 +261,9 @@ mod tests {
             rates_sd_at: OnceLock::new(),
         };
         let by_arrival = 2.0 * ARRIVAL_SD_S;
-        assert!((path.arrival_sd(0, 0.2) / by_arrival - 1.0).abs() < 0.01);
+        assert!((path.arrivals_sd(0, 0.2)[0] / by_arrival - 1.0).abs() < 0.01);
         assert!((path.rate_sd(0, 0.2) / by_arrival.hypot(0.003) - 1.0).abs() < 0.01);
         path.is_told_by_datagrams = false;
-        assert_eq!((path.arrival_sd(0, 0.2), path.rate_sd(0, 0.2)), (0.0, 0.003));
+        assert_eq!((path.arrivals_sd(0, 0.2)[0], path.rate_sd(0, 0.2)), (0.0, 0.003));
     }
 }
