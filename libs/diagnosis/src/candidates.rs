@@ -69,7 +69,7 @@ impl Candidate {
         self.prior.points.iter().map(|value| value - self.nominal.values()[0]).collect()
     }
 
-    /// In how many ways it may depart from nominal: each width of the slabs, with all coordinates or one alone, and each special value.
+    /// In how many ways it may depart from nominal: each width of the slabs, with all parts or one alone, and each special value.
     pub(crate) fn classes(&self) -> usize {
         if self.prior.response == Response::Discrete { 1 } else { self.slabs() + self.prior.points.len() }
     }
@@ -84,7 +84,8 @@ impl Candidate {
             return 1;
         }
         let has_parts = self.prior.response == Response::Linear && self.size > 1 && !self.is_law;
-        SLAB_WIDTHS.len() * if has_parts { 1 + self.size } else { 1 }
+        let parts = if has_parts { 1 + self.prior.part(self.size - 1) } else { 1 };
+        SLAB_WIDTHS.len() * if parts > 1 { 1 + parts } else { 1 }
     }
 
     /// Mean and standard deviation of a coordinate in a class, before any data.
@@ -99,7 +100,7 @@ impl Candidate {
             return (0.0, sd);
         }
         let (width, alone) = (SLAB_WIDTHS[class % SLAB_WIDTHS.len()], class / SLAB_WIDTHS.len());
-        let departs = alone == 0 || alone == coordinate + 1;
+        let departs = alone == 0 || alone == self.prior.part(coordinate) + 1;
         (0.0, if departs { width * self.prior.typical[coordinate] } else { self.prior.spike[coordinate] })
     }
 
@@ -385,5 +386,22 @@ mod tests {
         for support in [[true, true], [true, false], [false, true]] {
             assert_eq!(departs.iter().filter(|d| **d == support).count(), SLAB_WIDTHS.len(), "{departs:?}");
         }
+    }
+
+    #[test]
+    fn the_components_of_a_vector_depart_together() {
+        let plant = Plant::default_laboratory().unwrap();
+        let records = Records { duration_s: 40.0, rates_rad_s: Vec::new(), ranges_rad: Vec::new(), swing: false };
+        let all = candidates(&plant, &records);
+        let supports = |kind: &str| -> Vec<Vec<bool>> {
+            let own = all.iter().find(|c| c.kind == kind).unwrap();
+            let is_slab = |class: usize, i: usize| own.prior_in(class, i).1 > own.prior.spike[i];
+            let of_class = |class: usize| (0..own.size).map(|i| is_slab(class, i)).collect();
+            (0..own.classes()).step_by(SLAB_WIDTHS.len()).map(of_class).collect()
+        };
+        for kind in ["table_tilt", "base_com", "marker_offset"] {
+            assert_eq!(supports(kind), [[true, true]], "{kind}");
+        }
+        assert_eq!(supports("body_force"), [[true, true, true], [true, true, false], [false, false, true]]);
     }
 }

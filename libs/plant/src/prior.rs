@@ -2,8 +2,8 @@
 //!
 //! Each parameter has a spike, the deviation that every laboratory has and nobody states, and a slab, a departure that would
 //! be named: a normal distribution about the nominal value, of one of three widths, [`SLAB_WIDTHS`] times the typical size.
-//! Of several parameters that act in proportion all depart, or one alone. Special values, such as a thruster that is stuck shut, are
-//! points besides.
+//! Of several parameters that act in proportion all depart, or one alone; the components of a vector depart together. Special values,
+//! such as a thruster that is stuck shut, are points besides.
 
 use crate::about::{MAX_PARAMETERS, Parameter};
 use crate::file::Plant;
@@ -45,6 +45,8 @@ pub struct Prior {
     pub spike: [f64; MAX_PARAMETERS],
     /// Special values of the first parameter.
     pub points: &'static [f64],
+    /// Whether the first two parameters are the components of a vector, which points in any direction.
+    pub is_vector: bool,
     /// Whether its forces come and go with contact: in the small it does nothing like what it does.
     pub is_contact: bool,
 }
@@ -59,6 +61,7 @@ impl Prior {
             typical,
             spike: typical.map(|size| SPIKE_SHARE * size),
             points: &[],
+            is_vector: false,
             is_contact: false,
         }
     }
@@ -75,6 +78,7 @@ impl Prior {
             typical: padded(typical),
             spike: padded(spike),
             points: &[],
+            is_vector: false,
             is_contact: false,
         }
     }
@@ -93,11 +97,25 @@ impl Prior {
         self
     }
 
+    /// The same of an effect whose first two parameters are the components of a vector.
+    #[must_use]
+    pub fn of_vector(mut self) -> Self {
+        self.is_vector = true;
+        self
+    }
+
     /// The same of an effect whose forces come and go with contact.
     #[must_use]
     pub fn of_contact(mut self) -> Self {
         self.is_contact = true;
         self
+    }
+}
+
+impl Prior {
+    /// Which part of the effect a parameter belongs to, from 0: a part departs as a whole.
+    pub fn part(&self, parameter: usize) -> usize {
+        parameter - usize::from(self.is_vector && parameter > 0)
     }
 }
 

@@ -29,6 +29,7 @@ impl EffectKind for BodyForce {
         let _ = index;
         let (mass, inertia) = (plant.total_mass_kg(), plant.base.inertia_kg_m2);
         Prior::sized(&[1.5e-3 * mass, 1.5e-3 * mass, 5e-3 * inertia], &[1e-5 * mass, 1e-5 * mass, 1e-5 * inertia])
+            .of_vector()
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

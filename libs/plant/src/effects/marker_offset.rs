@@ -26,7 +26,7 @@ impl EffectKind for MarkerOffset {
 
     fn prior(&self, plant: &Plant, index: Option<usize>) -> Prior {
         let _ = (plant, index);
-        Prior::sized(&[4e-3; 2], &[1e-4; 2])
+        Prior::sized(&[4e-3; 2], &[1e-4; 2]).of_vector()
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {

@@ -29,7 +29,7 @@ impl EffectKind for TableTilt {
         // A table is levelled; where gravity acts in the plane, its direction is known to a milliradian.
         let [gx, gy] = plant.table.gravity_m_s2;
         let gravity = gx.hypot(gy);
-        Prior::sized(&[1e-3 + 1e-2 * gravity; 2], &[3e-6 + 1e-3 * gravity; 2])
+        Prior::sized(&[1e-3 + 1e-2 * gravity; 2], &[3e-6 + 1e-3 * gravity; 2]).of_vector()
     }
 
     fn act(&self, effect: &Effect, physics: &mut Physics) {
