@@ -4,7 +4,7 @@ use crate::block::Block;
 use crate::candidates::Candidate;
 use crate::problem::{Column, Linearized, Member, Present, Problem, SetValue, Slope, difference, is_same};
 use fss_multibody::ModelError;
-use fss_plant::{Plant, Response};
+use fss_plant::{Effect, Plant, Response};
 use rayon::prelude::*;
 
 /// Share of its typical size above which a coordinate's secant through zero is taken, not a probe.
@@ -41,6 +41,40 @@ impl Problem {
             own.for_each(|(p, value)| size[p] = value.abs());
         }
         Ok(Linearized { columns: columns.collect::<Result<_, _>>()?, size })
+    }
+
+    /// The causes of a model that have a shape, by their place in it, and between which the likeliest is.
+    pub(crate) fn shapes_of(&self, model: &[Present]) -> Vec<(usize, [f64; 2])> {
+        let shapes = |present: &Present| {
+            let own = &self.candidates[present.candidate];
+            own.shapes().filter(|_| present.coordinates.len() > own.size)
+        };
+        model.iter().enumerate().filter_map(|(at, present)| Some((at, shapes(present)?))).collect()
+    }
+
+    /// Adds to what is linearized about a model a parameter that nothing else has: the departure of the shape of its cause `at`, in proportion,
+    /// from differences by `step` to either side.
+    pub(crate) fn add_shape(
+        &self,
+        linearized: &mut Linearized,
+        model: &[Present],
+        (at, step): (usize, f64),
+    ) -> Result<(), ModelError> {
+        let moved = |by: f64| {
+            let mut moved = model.to_vec();
+            let shape = moved[at].coordinates.len() - 1;
+            moved[at].coordinates[shape] += by;
+            self.effects(&moved)
+        };
+        let (upper, lower) = (moved(step), moved(-step));
+        let of_member = |m: &Member| {
+            let predict = |effects: &[Effect]| m.block.predict(&self.plant, effects);
+            Ok(difference(&predict(&upper)?, &predict(&lower)?, 2.0 * step))
+        };
+        let all: Vec<Column> = self.members.par_iter().map(of_member).collect::<Result<_, ModelError>>()?;
+        linearized.columns.iter_mut().zip(all).for_each(|(columns, own)| columns.push(own));
+        linearized.size.push(0.0);
+        Ok(())
     }
 
     fn columns(
@@ -198,7 +232,7 @@ mod tests {
     use crate::block::HyperParameter;
     use crate::tuning::Tuning;
     use fss_estimation::Columns;
-    use fss_plant::{Effect, Physics};
+    use fss_plant::Physics;
 
     /// Reads the square of the second joint's dry friction.
     struct Squared;

@@ -9,7 +9,7 @@
 //! - `space`: causes, sets of them, and the hyper-parameters at which they are compared.
 //! - `sets`: priors and marginal likelihoods of sets, the beam search; `hyper`: the hyper-parameters that suit a set.
 //! - `no_cause`: the runs without causes.
-//! - `shortlist`, `estimate`, `course`: the candidates of a round, the estimate of its best set, the rounds.
+//! - `shortlist`, `shapes`, `estimate`, `course`: the candidates of a round, the estimate of its best set, the rounds.
 //! - `standing`: where it stands still; `searched`: what it came to; `intervals`: how well that is known.
 //! - `contacts`: play in joints, about itself; `wiring`: wirings of the thrusters.
 
@@ -22,6 +22,7 @@ mod intervals;
 mod no_cause;
 mod searched;
 mod sets;
+mod shapes;
 mod shortlist;
 mod space;
 mod standing;

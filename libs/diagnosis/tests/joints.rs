@@ -248,6 +248,29 @@ fn a_joint_that_cogs_obeys_a_law_of_its_angle_and_has_no_spring() {
     assert!((law.values()[1] / periods_a_turn - 1.0).abs() < 0.02, "{law:?}");
 }
 
+/// The rate at which static friction fades is as well known as is said, wherever it lies between those that are tried.
+#[test]
+fn a_joint_that_sticks_tells_how_much_and_at_which_rate_it_slides() {
+    let mut plant = plant(1.0);
+    plant.base.clamped = true;
+    let mut chi2 = 0.0;
+    for (seed, stiction) in [(1, [0.3, 0.05]), (3, [0.2, 0.07]), (5, [0.15, 0.13])] {
+        let sticks = [Effect::new("joint_stribeck_friction").unwrap().at(1).with(&stiction)];
+        let runs: Vec<Run> = (0..2).map(|k| flown(&plant, &sticks, 50.0, seed + k)).collect();
+        let found = diagnose(&plant, &runs, &[], &|_| ()).unwrap();
+        assert_eq!(found.causes.len(), 1, "seed {seed}: {:?}", found.causes);
+        let cause = &found.causes[0];
+        println!("seed {seed}: {:?} ± {:?} of {stiction:?}", cause.effect.values(), cause.std);
+        assert_eq!(cause.effect.id(), "joint_stribeck_friction", "seed {seed}");
+        for (i, value) in stiction.iter().enumerate() {
+            assert!(cause.std[i] < 0.05 * value, "seed {seed}: {cause:?}");
+            chi2 += ((cause.effect.values()[i] - value) / cause.std[i]).powi(2);
+        }
+    }
+    // One in a thousand of six degrees of freedom.
+    assert!(chi2 < 22.5, "{chi2}");
+}
+
 #[test]
 fn torque_constant_frictions_and_torque_sensor_are_unbiased() {
     biased_by_at_most(0.0, &[2.0, 25.0, 100.0, 1000.0]);

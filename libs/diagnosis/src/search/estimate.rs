@@ -3,14 +3,16 @@
 use super::space::{Found, HyperPoint, Search};
 use crate::gram::GramCache;
 use crate::problem::{Linearized, Present, Slope, is_same};
-use fss_estimation::evidence::{SetPosterior, Slab};
+use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
 use fss_multibody::ModelError;
 use fss_plant::Response;
 
 /// A change of a coordinate below this share of its deviation stands still.
-const STANDS_STILL: f64 = 0.5;
+pub(super) const STANDS_STILL: f64 = 0.5;
 /// Steps of estimation about one set at the most.
 const POLISHED: usize = 6;
+/// Step of a shape to either side, over what lies between its neighbours.
+const SHAPE_STEP: f64 = 0.03;
 /// A spring's octave is scanned in so many steps to either side, each a twentieth of a swing's frequency.
 const SCANNED: i32 = 4;
 
@@ -39,6 +41,31 @@ impl ColumnsOfSet<'_> {
         Ok(self.search.point(&linearized, hyper, &self.parameters, &GramCache::default()))
     }
 
+    /// The same in the model's tangent space, in which each shape that it has is a parameter, too: its departure from the model's. Behind
+    /// the set's priors stand those of the shapes, in the order of the model.
+    pub(super) fn tangent_point(
+        &self,
+        model: &[Present],
+        hyper: &[f64],
+    ) -> Result<Option<(SpikePosterior, Vec<Slab>)>, ModelError> {
+        let problem = self.search.problem;
+        let known = problem.of_uncertain(&self.uncertain);
+        let wanted = |c: usize, _: &_| self.present.contains(&c);
+        let mut linearized = problem.linearized((model, hyper), Slope::Tangent, &wanted, known)?;
+        let (mut parameters, mut shapes) = (self.parameters.clone(), Vec::new());
+        for (at, [lower, upper]) in problem.shapes_of(model) {
+            problem.add_shape(&mut linearized, model, (at, SHAPE_STEP * (upper - lower)))?;
+            // As of an even distribution between the neighbours.
+            let (sd, bounds) = ((upper - lower) / 12.0_f64.sqrt(), [f64::NEG_INFINITY, f64::INFINITY]);
+            shapes.push(Slab { parameter: parameters.len(), mean: 0.0, sd, bounds });
+            parameters.push(problem.parameters() + shapes.len() - 1);
+        }
+        let gram = problem.gram((&linearized, &linearized.size), hyper, &parameters, &GramCache::default());
+        let mut spikes = problem.spikes_of(&linearized, &self.parameters);
+        spikes.extend(shapes.iter().map(|shape| shape.sd));
+        Ok(gram.and_then(|gram| SpikePosterior::new(&gram, &spikes)).map(|posterior| (posterior, shapes)))
+    }
+
     /// The logarithm of the marginal likelihood, the first coordinate of one cause as it is in the model.
     fn log_evidence_given(&self, model: &[Present], at: usize, hyper: &[f64]) -> Result<f64, ModelError> {
         let (own, problem) = (&model[at], self.search.problem);
@@ -53,19 +80,6 @@ impl ColumnsOfSet<'_> {
         let posterior = self.point(model, Slope::Secant, hyper)?.and_then(|point| point.posterior.of_set(&slabs));
         Ok(posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence))
     }
-}
-
-/// Where the parabola through the highest of equally spaced values and its neighbours is highest, or that value where it ends the row.
-fn vertex(values: &[(f64, f64)]) -> f64 {
-    let highest = (0..values.len()).max_by(|a, b| values[*a].1.total_cmp(&values[*b].1)).unwrap_or(0);
-    let (Some((left, before)), Some((right, after))) =
-        (highest.checked_sub(1).map(|i| values[i]), values.get(highest + 1))
-    else {
-        return values[highest].0;
-    };
-    let bend = before + after - 2.0 * values[highest].1;
-    let shift = 0.25 * (right - left) * (before - after) / bend;
-    values[highest].0 + if bend < 0.0 { shift } else { 0.0 }
 }
 
 impl Search<'_> {
@@ -130,34 +144,6 @@ impl Search<'_> {
         Ok(Some(model))
     }
 
-    /// Moves a cause of the model to its likeliest shape, by parabolas through the logarithm of the marginal likelihood.
-    fn find_shape(
-        &self,
-        about: &Linearized,
-        model: &mut [Present],
-        (at, [lower, upper]): (usize, [f64; 2]),
-        set: &Found,
-        hyper: &[f64],
-    ) -> Result<(), ModelError> {
-        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else { return Ok(()) };
-        let size = self.problem.candidates[model[at].candidate].size;
-        let (mut middle, mut step) = (f64::midpoint(lower, upper), 0.25 * (upper - lower));
-        for halves in [2, 1] {
-            let mut values = Vec::new();
-            for k in -halves..=halves {
-                let shape = middle + f64::from(k) * step;
-                model[at].coordinates[size] = shape;
-                let point = columns.point(model, Slope::Secant, hyper)?;
-                let posterior = point.and_then(|point| point.posterior.of_set(&columns.slabs));
-                values.push((shape, posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence)));
-            }
-            middle = vertex(&values);
-            step *= 0.125;
-        }
-        model[at].coordinates[size] = middle;
-        Ok(())
-    }
-
     /// Gauss-Newton steps: the causes' coordinates at the posterior mean of the linearization about themselves, with the columns that
     /// uncertain values have `about` a model near it.
     pub(super) fn polished(
@@ -171,13 +157,15 @@ impl Search<'_> {
         let Some(columns) = self.columns_of(uncertain, set, &model) else { return Ok(model) };
         let steps = if model.is_empty() { 0 } else { POLISHED };
         for _ in 0..steps {
-            let Some(point) = columns.point(&model, Slope::Tangent, hyper)? else { break };
-            let Some(posterior) = point.posterior.of_set(&columns.slabs) else { break };
-            let (mut now, deviations) = self.presented(set, &posterior);
-            for Present { candidate, coordinates } in &mut now {
-                // A shape stays as it is.
-                let before = model.iter().find(|p| p.candidate == *candidate);
-                coordinates.extend(before.and_then(|p| p.coordinates.get(coordinates.len())));
+            let Some((point, shapes)) = columns.tangent_point(&model, hyper)? else { break };
+            let Some(posterior) = point.of_set(&[columns.slabs.as_slice(), &shapes].concat()) else { break };
+            let (mut now, mut deviations) = self.presented(set, &posterior);
+            for (k, (at, [lower, upper])) in self.problem.shapes_of(&model).into_iter().enumerate() {
+                let (place, own) = (columns.slabs.len() + k, &model[at]);
+                let Some(i) = now.iter().position(|p| p.candidate == own.candidate) else { continue };
+                let before = own.coordinates[own.coordinates.len() - 1];
+                now[i].coordinates.push((before + posterior.mean[place]).clamp(lower, upper));
+                deviations[i].push(posterior.covariance[(place, place)].sqrt());
             }
             let still = Self::stands_still(&model, &now, &deviations);
             model = now;
@@ -233,7 +221,7 @@ impl Search<'_> {
     }
 
     /// A set at its posterior mean, within bounds, and the deviations of its coordinates.
-    fn presented(&self, set: &Found, posterior: &SetPosterior) -> (Vec<Present>, Vec<Vec<f64>>) {
+    pub(super) fn presented(&self, set: &Found, posterior: &SetPosterior) -> (Vec<Present>, Vec<Vec<f64>>) {
         let (mut model, mut deviations) = (Vec::new(), Vec::new());
         let mut at = 0;
         for candidate in &set.causes {
@@ -264,20 +252,5 @@ impl Search<'_> {
             })
         };
         before.len() == now.len() && now.iter().zip(deviations).all(|(now, sd)| close(now, sd))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_parabola_is_highest_at_its_vertex_and_a_row_that_rises_at_its_end() {
-        let row = |of: &dyn Fn(f64) -> f64| {
-            (-2..=2).map(|k| 0.5 + 0.1 * f64::from(k)).map(|x| (x, of(x))).collect::<Vec<_>>()
-        };
-        assert!((vertex(&row(&|x| 3.0 - 7.0 * (x - 0.537).powi(2))) - 0.537).abs() < 1e-12);
-        assert_eq!(vertex(&row(&|x| x)), 0.7);
-        assert_eq!(vertex(&row(&|_| 1.0)), 0.7);
     }
 }

@@ -1,14 +1,10 @@
 //! How well a set's estimate is known.
 
 use super::estimate::ColumnsOfSet;
-use super::space::{Found, HyperPoint, Search};
-use crate::problem::{Linearized, Present, Slope};
-use fss_estimation::evidence::SetPosterior;
+use super::space::{Found, Search};
+use crate::problem::{Linearized, Present};
+use fss_estimation::evidence::{SetPosterior, Slab, SpikePosterior};
 use fss_multibody::ModelError;
-use nalgebra::DMatrix;
-
-/// Step of a shape to either side of the likeliest, over what lies between its neighbours.
-const SHAPE_STEP: f64 = 0.03;
 
 /// How well a set's coordinates are known.
 pub(crate) struct Estimate {
@@ -28,44 +24,35 @@ impl Search<'_> {
         (hyper, in_secants): (&[f64], SetPosterior),
     ) -> Result<Estimate, ModelError> {
         let mut shapes = vec![0.0; set.causes.len()];
-        let Some(columns) = self.columns_of(self.problem.of_uncertain(about), set, model) else {
+        let columns = self.columns_of(self.problem.of_uncertain(about), set, model);
+        let known = columns.map(|columns| -> Result<Option<SetPosterior>, ModelError> {
+            let tangent = columns.tangent_point(model, hyper)?;
+            Ok(tangent.and_then(|(point, of_shapes)| self.in_any_class(&point, set, &columns, &of_shapes)))
+        });
+        let Some(mut coordinates) = known.transpose()?.flatten() else {
             return Ok(Estimate { coordinates: in_secants, shapes });
         };
-        let posterior = |model: &[Present], slope: Slope| -> Result<Option<SetPosterior>, ModelError> {
-            Ok(columns.point(model, slope, hyper)?.and_then(|point| point.posterior.of_set(&columns.slabs)))
-        };
-        let tangents = columns.point(model, Slope::Tangent, hyper)?;
-        let mut coordinates = tangents.and_then(|point| self.in_any_class(&point, set, &columns)).unwrap_or(in_secants);
-        for (at, present) in model.iter().enumerate() {
-            let own = &self.problem.candidates[present.candidate];
-            let place = set.causes.iter().position(|c| *c == present.candidate);
-            let (Some(place), Some([lower, upper]), true) = (place, own.shapes(), present.coordinates.len() > own.size)
-            else {
-                continue;
-            };
-            let step = SHAPE_STEP * (upper - lower);
-            let beside = |by: f64| {
-                let mut beside = model.to_vec();
-                beside[at].coordinates[own.size] += by;
-                posterior(&beside, Slope::Secant)
-            };
-            let (Some(before), Some(here), Some(after)) = (beside(-step)?, beside(0.0)?, beside(step)?) else {
-                continue;
-            };
-            // Of a flat prior and a likelihood with this curvature; the coordinates move along with the shape.
-            let bend = (before.log_evidence + after.log_evidence - 2.0 * here.log_evidence) / (step * step);
-            let variance = (12.0 / (upper - lower).powi(2) - bend.min(0.0)).recip();
-            let moves = |i: usize| (after.mean[i] - before.mean[i]) / (2.0 * step);
-            let n = coordinates.mean.len();
-            coordinates.covariance += DMatrix::from_fn(n, n, |i, j| moves(i) * moves(j) * variance);
-            shapes[place] = variance.sqrt();
+        // The shapes stand behind the coordinates.
+        let size = in_secants.mean.len();
+        for (k, (at, _)) in self.problem.shapes_of(model).into_iter().enumerate() {
+            if let Some(place) = set.causes.iter().position(|c| *c == model[at].candidate) {
+                shapes[place] = coordinates.covariance[(size + k, size + k)].sqrt();
+            }
         }
+        coordinates.mean.truncate(size);
+        coordinates.covariance = coordinates.covariance.view((0, 0), (size, size)).into_owned();
         Ok(Estimate { coordinates, shapes })
     }
 
     /// The posterior of a set's coordinates in its classes, widened by what others of each cause's classes say: whether a bias alone departs,
     /// or a scale, too, is part of what is not known.
-    fn in_any_class(&self, point: &HyperPoint, set: &Found, columns: &ColumnsOfSet) -> Option<SetPosterior> {
+    fn in_any_class(
+        &self,
+        point: &SpikePosterior,
+        set: &Found,
+        columns: &ColumnsOfSet,
+        shapes: &[Slab],
+    ) -> Option<SetPosterior> {
         let others = set.causes.iter().enumerate().flat_map(|(place, cause)| {
             let others = (0..self.classes(*cause)).filter(move |class| *class != set.classes[place]);
             others.map(move |class| (place, class))
@@ -73,9 +60,9 @@ impl Search<'_> {
         let in_other = |(place, class): (usize, usize)| {
             let mut classes = set.classes.clone();
             classes[place] = class;
-            point.posterior.of_set(&self.slabs(&set.causes, &classes, &columns.position)?)
+            point.of_set(&[self.slabs(&set.causes, &classes, &columns.position)?.as_slice(), shapes].concat())
         };
         let others: Vec<SetPosterior> = others.filter_map(in_other).collect();
-        Some(point.posterior.of_set(&columns.slabs)?.among(&others))
+        Some(point.of_set(&[columns.slabs.as_slice(), shapes].concat())?.among(&others))
     }
 }
