@@ -43,31 +43,4 @@ impl Friction {
         }
         dry * direction + self.viscous_n_m_s_rad * rate_rad_s
     }
-
-    /// How that torque grows with the rate, the direction as it is (N m s/rad).
-    pub fn sliding_slope_n_m_s_rad(&self, direction: f64, rate_rad_s: f64) -> f64 {
-        let ratio = rate_rad_s / self.stribeck_rad_s;
-        let fades = if self.stribeck_n_m > 0.0 {
-            2.0 * self.stribeck_n_m * ratio / self.stribeck_rad_s * (-ratio * ratio).exp()
-        } else {
-            0.0
-        };
-        self.viscous_n_m_s_rad - fades * direction
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_slope_of_friction_is_its_derivative() {
-        let friction = Friction { coulomb_n_m: 0.1, viscous_n_m_s_rad: 0.2, stribeck_n_m: 0.3, stribeck_rad_s: 0.05 };
-        for (direction, rate_rad_s) in [(1.0, 0.03), (-1.0, -0.07), (0.4, 0.01), (1.0, 0.5)] {
-            let at = |by: f64| friction.sliding_n_m(direction, rate_rad_s + by);
-            let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
-            let slope = friction.sliding_slope_n_m_s_rad(direction, rate_rad_s);
-            assert!((slope - difference).abs() < 1e-7, "{slope}, not {difference}");
-        }
-    }
 }

@@ -206,9 +206,8 @@ pub(super) fn slopes(
                     own.motion = columns.iter().enumerate().map(|(state, c)| (state, unit * c[i])).collect();
                     if !matches!(row.kind, Kind::Torque(_)) {
                         let friction = mechanics.physics(t_s).joints[i].friction;
-                        let rate = path.joints[i].at(t_s)[1];
-                        let sense = direction(rate, path.rate_sd(i, t_s));
-                        own.motion[3 * i + 1].1 += unit * friction.sliding_slope_n_m_s_rad(sense, rate);
+                        own.motion[3 * i + 1].1 += unit * friction.viscous_n_m_s_rad;
+                        let sense = direction(path.joints[i].at(t_s)[1], path.rate_sd(i, t_s));
                         own.unit_friction_variance = unit * unit * (1.0 - sense * sense);
                     }
                 }
