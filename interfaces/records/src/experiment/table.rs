@@ -27,8 +27,9 @@ impl Table {
 
     /// The same where `refused` tells, from a column's name and a value, why the value must not stand there.
     pub(super) fn read_within(path: &Path, refused: Refused) -> Result<Option<Self>, ExperimentError> {
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse_within(path, &text, refused).map(Some),
+        match std::fs::read(path) {
+            // What is no UTF-8 is refused where it stands, as no number.
+            Ok(bytes) => Self::parse_within(path, &String::from_utf8_lossy(&bytes), refused).map(Some),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
             Err(source) => Err(ExperimentError::File { path: path.to_owned(), source }),
         }
@@ -49,13 +50,15 @@ impl Table {
             column: column.to_owned(),
             reason: reason.to_owned(),
         };
+        // Spreadsheets put a byte order mark before UTF-8.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
         let Some((_, heading)) = lines.next() else {
             return Err(refuse(1, "t_s", "the file is empty; its first line names the columns"));
         };
         let names: Vec<String> = heading.split(',').map(|name| name.trim().to_owned()).collect();
         if names[0] != "t_s" {
-            return Err(refuse(1, &names[0], "the first column must be t_s"));
+            return Err(refuse(1, &names[0], "the first column must be t_s, in UTF-8 text"));
         }
         if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
             return Err(refuse(1, twice.1, "the column stands there twice"));

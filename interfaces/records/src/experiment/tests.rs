@@ -49,3 +49,17 @@ fn valves_and_levels_in_one_run_are_refused() {
     let message = refused(&[("valves.csv", "t_s,v1\n0,1\n"), ("thrust_level.csv", "t_s,u1\n0,1\n")]);
     assert!(message.contains("thrust_level.csv") && message.contains("remove valves.csv"), "{message}");
 }
+
+#[test]
+fn what_is_no_text_is_refused_where_it_stands_and_a_byte_order_mark_is_passed_over() {
+    let folder = run(&[("gyro.csv", "\u{feff}t_s,rate_rad_s\n0,0.1\n")]);
+    assert!(Experiment::read(folder.path()).unwrap().gyro.is_some());
+    let message = |bytes: &[u8]| {
+        std::fs::write(folder.path().join("gyro.csv"), bytes).unwrap();
+        Experiment::read(folder.path()).unwrap_err().to_string()
+    };
+    let damaged = message(b"t_s,rate_rad_s\n0,0.1\n1,0.\xff2\n");
+    assert!(damaged.contains("gyro.csv:3: column 'rate_rad_s'") && damaged.contains("is no number"), "{damaged}");
+    let utf16 = message(b"\xff\xfet\0_\0s\0");
+    assert!(utf16.contains("gyro.csv:1") && utf16.contains("UTF-8"), "{utf16}");
+}
