@@ -110,9 +110,7 @@ impl Prior {
         self.is_contact = true;
         self
     }
-}
 
-impl Prior {
     /// Which part of the effect a parameter belongs to, from 0: a part departs as a whole.
     pub fn part(&self, parameter: usize) -> usize {
         parameter - usize::from(self.is_vector && parameter > 0)

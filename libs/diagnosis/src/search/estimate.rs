@@ -29,15 +29,10 @@ pub(super) struct ColumnsOfSet<'a> {
 
 impl ColumnsOfSet<'_> {
     /// Everything that follows from the data, about a model of these causes.
-    pub(super) fn point(
-        &self,
-        model: &[Present],
-        slope: Slope,
-        hyper: &[f64],
-    ) -> Result<Option<HyperPoint>, ModelError> {
+    pub(super) fn point(&self, model: &[Present], hyper: &[f64]) -> Result<Option<HyperPoint>, ModelError> {
         let problem = self.search.problem;
         let known = problem.of_uncertain(&self.uncertain);
-        let linearized = problem.linearized((model, hyper), slope, &|c, _| self.present.contains(&c), known)?;
+        let linearized = problem.linearized((model, hyper), Slope::Secant, &|c, _| self.present.contains(&c), known)?;
         Ok(self.search.point(&linearized, hyper, &self.parameters, &GramCache::default()))
     }
 
@@ -77,7 +72,7 @@ impl ColumnsOfSet<'_> {
             Slab { mean: own.coordinates[0], sd, bounds: [f64::NEG_INFINITY, f64::INFINITY], ..*s }
         };
         let slabs: Vec<Slab> = self.slabs.iter().map(known).collect();
-        let posterior = self.point(model, Slope::Secant, hyper)?.and_then(|point| point.posterior.of_set(&slabs));
+        let posterior = self.point(model, hyper)?.and_then(|point| point.posterior.of_set(&slabs));
         Ok(posterior.map_or(f64::NEG_INFINITY, |p| p.log_evidence))
     }
 }

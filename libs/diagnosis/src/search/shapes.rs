@@ -2,7 +2,7 @@
 
 use super::estimate::{ColumnsOfSet, STANDS_STILL};
 use super::space::{Found, Search};
-use crate::problem::{Linearized, Present, Slope};
+use crate::problem::{Linearized, Present};
 use fss_multibody::ModelError;
 
 /// Steps of estimation at each shape that is tried: what a cause does need not be in proportion to its size.
@@ -62,7 +62,7 @@ impl Search<'_> {
         model[at].coordinates[size] = shape;
         let mut value = f64::NEG_INFINITY;
         for _ in 0..AT_SHAPE {
-            let point = columns.point(model, Slope::Secant, hyper)?;
+            let point = columns.point(model, hyper)?;
             let Some(posterior) = point.and_then(|point| point.posterior.of_set(&columns.slabs)) else { break };
             value = posterior.log_evidence;
             let (now, deviations) = self.presented(set, &posterior);
